@@ -14,7 +14,7 @@ frf_scale                       whether FRFs fit the mass and stiffness of a str
 points                          hits as a person beside the hammer sees them
 document                        what a processing is asked, and what it answers
 process                         all of it, point by point
-half_spectra                    responses to loads that nobody measured
+half_spectra, setups            responses to loads that nobody measured; several such recordings
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
@@ -26,6 +26,7 @@ from fecore.signal.judgement import FALSE_DISCOVERY, HitVerdict
 from fecore.signal.points import EachHit, Inspection, each_hit, inspect
 from fecore.signal.process import Shelf, process, process_in_parts
 from fecore.signal.reasons import HitFinding
+from fecore.signal.setups import ResponseRecording, spectra_of_setups
 from fecore.signal.spectra import Source, by_point
 from fecore.signal.windows import Windows, remove_window
 
@@ -45,6 +46,7 @@ __all__ = [
     "Inspection",
     "Processed",
     "Processing",
+    "ResponseRecording",
     "Shelf",
     "Source",
     "Strip",
@@ -57,4 +59,5 @@ __all__ = [
     "process",
     "process_in_parts",
     "remove_window",
+    "spectra_of_setups",
 ]

@@ -17,6 +17,11 @@ few blocks, so their errors are correlated: the spectra of blocks are kept, in a
 Loads come in gusts, and the half spectrum of a gust is larger, not better: each block is taken in
 its own power, in that of the whole recording where it is calm.
 
+Where some sensors measure a velocity or displacement beside accelerations, they are taken to the
+highest derivative, R_ẋy = dR_xy/dτ: in half spectra
+
+    ∫ w Ṙ e^{-iωτ} dτ = (iω + β) S⁺ + w(L)R(L) - R(0).
+
 A recording comes in chunks, and memory does not grow with its samples.
 """
 
@@ -24,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -42,6 +48,11 @@ LEFT = 0.05
 
 BAND = 1 / 2.56
 """Share of the sampling rate up to which lines are kept, as analysers do: filters begin there."""
+
+Motion = Literal["displacement", "velocity", "acceleration"]
+"""What a sensor of a response measures."""
+
+DERIVATIVE: dict[Motion, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 _FEWEST_LAGS, _MOST_LAGS = 64, 8192  # of half spectra: some 25 to 3200 lines
 _MOST_REFERENCES = 4  # that are chosen; more add work and little else
@@ -62,10 +73,9 @@ class HalfSpectra:
     window_rate_per_s: float  # β
     lag_s: float  # L Δt
     length_s: float  # of what was used of the recording
-    # (L,) spectral kurtosis of the responses, 0 for random ones and -1 for a steady sine, and its
-    # standard deviation
+    # (L,) spectral kurtosis of the responses, 0 for random ones and -1 for a steady sine
     kurtosis: FloatArray
-    kurtosis_sd: FloatArray
+    quantity: Motion = "acceleration"  # x: the highest derivative among the sensors
 
     @property
     def mean(self) -> ComplexArray:
@@ -110,6 +120,8 @@ def half_spectra(
     responses: Sequence[Dof],
     references: Sequence[Dof] | None = None,
     lag_s: float | None = None,
+    quantities: Sequence[Motion] | None = None,
+    among: Sequence[Dof] | None = None,
 ) -> HalfSpectra:
     """Half spectra of a recording.
 
@@ -124,43 +136,60 @@ def half_spectra(
         responses: where and along what each channel measures.
         references: those that the others are correlated with; chosen where not stated.
         lag_s: longest lag; the slowest mode should have decayed to 5 % by then.
+        quantities: what each channel measures; the same of all where not stated.
+        among: channels that references are chosen of; all where not stated.
 
     Raises:
         InputError: the recording is too short, not finite or constant in a channel, or a reference
             is none of its channels.
     """
     # 1. Length.
+    quantities = quantities or ("acceleration",) * len(responses)
+    highest = max(quantities, key=DERIVATIVE.__getitem__)
+    below = np.array([DERIVATIVE[highest] - DERIVATIVE[each] for each in quantities])
     length, variance = _length(chunks(), len(responses))
     lags = _lags(length, sample_rate_hz, lag_s)
     # 2. References.
     rows = (
-        _choose(chunks(), lags, _MOST_REFERENCES)
+        _choose(chunks(), lags, below, _rows_of(among or responses, responses))
         if references is None
         else _rows_of(references, responses)
     )
+    if any(below[row] for row in rows):
+        raise InputError(
+            "references",
+            f"measure a {quantities[rows[int(np.argmax(below[rows]))]]} beside an {highest};"
+            f" expected sensors of {highest}",
+        )
     # 3. Groups.
     groups = _Groups.of(chunks(), lags, rows, variance)
     # 4. Half spectra.
-    beta = -np.log(LEFT) * sample_rate_hz / lags
-    window = LEFT ** (np.arange(lags) / lags) / (2 * lags - np.arange(lags))
-    window[0] /= 2
     line = scipy.fft.rfftfreq(lags, 1 / sample_rate_hz)
     keep = (line > 0) & (line <= BAND * sample_rate_hz)
-    correlations = scipy.fft.irfft(groups.cross, axis=-1)[..., :lags] * window
-    spectra = scipy.fft.rfft(correlations, axis=-1)[..., keep] / sample_rate_hz
-    kurtosis, sd = groups.kurtosis
+    spectra = np.array(
+        [_transformed(each, lags, sample_rate_hz, below)[..., keep] for each in groups.correlations]
+    )
     return HalfSpectra(
         frequency_hz=line[keep],
         blocks=spectra / groups.counts[:, None, None, None],
         weights=groups.counts / groups.counts.sum(),
         responses=tuple(responses),
         references=tuple(responses[row] for row in rows),
-        window_rate_per_s=float(beta),
+        window_rate_per_s=float(-np.log(LEFT) * sample_rate_hz / lags),
         lag_s=lags / sample_rate_hz,
         length_s=float(groups.counts.sum()) * 2 * lags / sample_rate_hz,
-        kurtosis=kurtosis[keep],
-        kurtosis_sd=sd[keep],
+        kurtosis=groups.kurtosis((2 * np.pi * line) ** below[:, None])[keep],
+        quantity=highest,
     )
+
+
+def longest_lag_s(samples: int, sample_rate_hz: float) -> float:
+    """The longest lag of a recording where none is stated: a 40th of it.
+
+    Raises:
+        InputError: the recording is too short.
+    """
+    return _lags(samples, sample_rate_hz, None) / sample_rate_hz
 
 
 def needed_s(frequency_hz: float, damping_ratio: float) -> float:
@@ -232,31 +261,79 @@ def _rows_of(references: Sequence[Dof], responses: Sequence[Dof]) -> list[int]:
 def _blocks(chunks: Iterable[FloatArray], size: int) -> Iterator[FloatArray]:
     """(N, size) disjoint blocks, without their linear trends; the rest of the recording is left."""
     held: FloatArray = np.empty((0, 0))
+    ramp = np.linspace(-1, 1, size)
+    ramp /= np.linalg.norm(ramp)
     for chunk in chunks:
         held = np.concatenate((held, chunk), axis=1) if held.size else chunk
         whole = held.shape[1] // size * size
         for at in range(0, whole, size):
-            yield scipy.signal.detrend(np.asarray(held[:, at : at + size], dtype=np.float64))
+            block = np.asarray(held[:, at : at + size], dtype=np.float64)
+            block = block - block.mean(axis=1, keepdims=True)
+            yield block - np.outer(block @ ramp, ramp)
         held = held[:, whole:]
 
 
-def _choose(chunks: Iterable[FloatArray], lags: int, most: int) -> list[int]:
+def _transformed(
+    correlations: FloatArray, lags: int, rate: float, below: FloatArray
+) -> ComplexArray:
+    """(N, R, K) half spectra at all lines, those of a channel below the highest derivative taken to
+    it.
+
+    Args:
+        correlations: (N, R, L + 3) of blocks padded with zeros, from lag -1 on; not divided by
+            n - τ.
+        lags: L.
+        rate: samples a second.
+        below: (N,) how many derivatives each channel lies below the highest.
+    """
+    lag = np.arange(-1, lags + 2)
+    values = correlations / (2 * lags - np.abs(lag))
+    windowed = values[..., 1 : lags + 1] * LEFT ** (lag[1 : lags + 1] / lags)
+    windowed[..., 0] /= 2
+    spectra: ComplexArray = scipy.fft.rfft(windowed, axis=-1) / rate
+    shift = -np.log(LEFT) * rate / lags + 2j * np.pi * scipy.fft.rfftfreq(lags, 1 / rate)
+    for row in np.flatnonzero(below):
+        begin, end = values[row][:, 1], values[row][:, lags + 1]
+        for _ in range(int(below[row])):
+            spectra[row] = shift * spectra[row] + (LEFT * end - begin)[:, None]
+            begin, end = (
+                rate * (values[row][:, k + 1] - values[row][:, k - 1]) / 2 for k in (1, lags + 1)
+            )
+    return spectra
+
+
+def _choose(
+    chunks: Iterable[FloatArray], lags: int, below: FloatArray, among: list[int]
+) -> list[int]:
     """Channels that show what all show: a pivoted Cholesky decomposition of the spectra, each line
     of which counts alike, so that a weak mode asks for its channel too.
+
+    Args:
+        chunks: of the recording.
+        lags: half of a block.
+        below: (N,) how many derivatives each channel lies below the highest.
+        among: channels that are chosen from, of which the highest derivatives are.
     """
-    total = sum(_share(block) for block in _blocks(chunks, 2 * lags))
+    total = sum(_share(block, below) for block in _blocks(chunks, 2 * lags))
     left = np.array(total) / np.trace(total)
+    free = [row for row in among if not below[row]]
+    if not free:
+        raise InputError(
+            "references", "measure less than the highest derivative of the setup's sensors"
+        )
     rows = list[int]()
-    while len(rows) < min(most, left.shape[0]) and np.trace(left) > 1 - _EXPLAINED:
-        row = int(np.argmax(np.diag(left)))
+    while len(rows) < min(_MOST_REFERENCES, len(free)) and np.trace(left) > 1 - _EXPLAINED:
+        row = max(free, key=lambda each: left[each, each])
         rows.append(row)
         left = left - np.outer(left[:, row], left[row]) / left[row, row]
     return rows
 
 
-def _share(block: FloatArray) -> FloatArray:
+def _share(block: FloatArray, below: FloatArray) -> FloatArray:
     """(N, N) real parts of the spectra of a block, each line in its own power."""
     spectrum = scipy.fft.rfft(block, axis=1)[:, 1 : int(BAND * block.shape[1])]
+    if below.any():
+        spectrum = spectrum * np.arange(1.0, spectrum.shape[1] + 1) ** below[:, None]
     power = np.sum(np.abs(spectrum) ** 2, axis=0)
     scaled = spectrum / np.sqrt(np.maximum(power, np.finfo(float).tiny))
     return np.asarray((scaled @ scaled.conj().T).real)
@@ -266,7 +343,7 @@ def _share(block: FloatArray) -> FloatArray:
 class _Groups:
     """Sums over the blocks of each group, and over all segments of a lag's length."""
 
-    cross: ComplexArray  # (G, N, R, F) X_i X_j* of blocks padded with zeros
+    correlations: FloatArray  # (G, N, R, L + 3) Σ_t x_i(t + τ) x_j(t) of blocks, from lag -1 on
     counts: FloatArray  # (G,) blocks
     powers: FloatArray  # (2, N, K) sums of |Y|² and |Y|⁴ of Hann segments Y, three a block
 
@@ -274,42 +351,49 @@ class _Groups:
     def of(
         cls, chunks: Iterable[FloatArray], lags: int, rows: list[int], variance: FloatArray
     ) -> _Groups:
-        padded = scipy.fft.next_fast_len(3 * lags, real=True)
+        padded = scipy.fft.next_fast_len(3 * lags + 2, real=True)
         padded += padded % 2
-        sums, counts, powers = list[ComplexArray](), list[int](), np.zeros(())
-        size = 1  # blocks of a full group
+        sums, counts, powers = list[FloatArray](), list[int](), np.zeros(())
+        size, cross = 1, np.zeros(())  # blocks of a full group, and the spectra of the open one
         for block in _blocks(chunks, 2 * lags):
             power = np.mean(block.var(axis=1) / variance)
             spectrum = scipy.fft.rfft(block / np.sqrt(max(power, _CALM)), padded, axis=1)
-            cross = spectrum[:, None] * spectrum[rows].conj()
             if not counts or counts[-1] == size:
                 if len(counts) == 2 * BLOCKS:
                     sums = [a + b for a, b in zip(sums[::2], sums[1::2], strict=True)]
                     counts, size = [2 * size] * BLOCKS, 2 * size
-                sums.append(cross)
-                counts.append(1)
-            else:
-                sums[-1] += cross
-                counts[-1] += 1
+                cross = np.zeros(())
+                counts.append(0)
+            cross = cross + spectrum[:, None] * spectrum[rows].conj()
+            counts[-1] += 1
+            if counts[-1] == size:
+                sums.append(_correlated(cross, lags))
             powers = powers + _powers(block, lags)
+        if len(sums) < len(counts):
+            sums.append(_correlated(cross, lags))
         return cls(np.array(sums), np.array(counts, dtype=float), powers)
 
-    @property
-    def kurtosis(self) -> tuple[FloatArray, FloatArray]:
+    def kurtosis(self, scale: FloatArray) -> FloatArray:
         """(K,) spectral kurtosis E|Y|⁴/(E|Y|²)² - 2 (Antoni, Mech. Syst. Signal Process. 20, 2006),
-        of the channels by their shares of the power, and its standard deviation.
+        of the channels by their shares of the power.
+
+        Args:
+            scale: (N, K) that takes each channel to the highest derivative.
         """
-        segments = _SEGMENTS * float(self.counts.sum())
-        second, fourth = self.powers / segments
+        second, fourth = self.powers / (_SEGMENTS * float(self.counts.sum()))
         each = fourth / np.maximum(second**2, np.finfo(float).tiny) - 2
-        share = second / np.maximum(second.sum(axis=0), np.finfo(float).tiny)
-        return np.sum(share * each, axis=0), np.full(
-            each.shape[1], 2 / np.sqrt(segments / _OVERLAP)
-        )
+        power = second * scale**2
+        share = power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+        return np.asarray(np.sum(share * each, axis=0))
+
+
+def _correlated(cross: ComplexArray, lags: int) -> FloatArray:
+    """(N, R, L + 3) correlations of the spectra of padded blocks, from lag -1 on."""
+    whole = scipy.fft.irfft(cross, axis=-1)
+    return np.concatenate((whole[..., -1:], whole[..., : lags + 2]), axis=-1)
 
 
 _SEGMENTS = 3  # of a block
-_OVERLAP = 1.056  # segments for each independent one, of Hann segments that overlap by half
 
 
 def _powers(block: FloatArray, lags: int) -> FloatArray:
