@@ -54,6 +54,7 @@ Motion = Literal["displacement", "velocity", "acceleration"]
 
 DERIVATIVE: dict[Motion, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
+_UNSTATED: Motion = "acceleration"
 _FEWEST_LAGS, _MOST_LAGS = 64, 8192  # of half spectra: some 25 to 3200 lines
 _MOST_REFERENCES = 4  # that are chosen; more add work and little else
 _CALM = 0.05  # of the usual power, below which a block counts less, as its noise does not
@@ -108,7 +109,7 @@ def column_of(reference: Dof, setup: int) -> Dof:
     return Dof(reference.point + (setup + 1) * _COLUMNS, reference.direction)
 
 
-_COLUMNS = 1_000_000_000  # above all labels of points
+_COLUMNS = 10**10  # above all labels of points
 
 Chunks = Callable[[], Iterable[FloatArray]]
 """Gives the (N, n) parts of a recording in their order, as often as it is called."""
@@ -144,9 +145,9 @@ def half_spectra(
             is none of its channels.
     """
     # 1. Length.
-    quantities = quantities or ("acceleration",) * len(responses)
-    highest = max(quantities, key=DERIVATIVE.__getitem__)
-    below = np.array([DERIVATIVE[highest] - DERIVATIVE[each] for each in quantities])
+    measured = (_UNSTATED,) * len(responses) if quantities is None else quantities
+    highest = max(measured, key=DERIVATIVE.__getitem__)
+    below = np.array([DERIVATIVE[highest] - DERIVATIVE[each] for each in measured])
     length, variance = _length(chunks(), len(responses))
     lags = _lags(length, sample_rate_hz, lag_s)
     # 2. References.
@@ -158,7 +159,7 @@ def half_spectra(
     if any(below[row] for row in rows):
         raise InputError(
             "references",
-            f"measure a {quantities[rows[int(np.argmax(below[rows]))]]} beside an {highest};"
+            f"measure a {measured[rows[int(np.argmax(below[rows]))]]} beside {highest};"
             f" expected sensors of {highest}",
         )
     # 3. Groups.
@@ -166,7 +167,7 @@ def half_spectra(
     # 4. Half spectra.
     line = scipy.fft.rfftfreq(lags, 1 / sample_rate_hz)
     keep = (line > 0) & (line <= BAND * sample_rate_hz)
-    spectra = np.array(
+    spectra: ComplexArray = np.array(
         [_transformed(each, lags, sample_rate_hz, below)[..., keep] for each in groups.correlations]
     )
     return HalfSpectra(
@@ -354,7 +355,10 @@ class _Groups:
         padded = scipy.fft.next_fast_len(3 * lags + 2, real=True)
         padded += padded % 2
         sums, counts, powers = list[FloatArray](), list[int](), np.zeros(())
-        size, cross = 1, np.zeros(())  # blocks of a full group, and the spectra of the open one
+        size, cross = (
+            1,
+            np.zeros((), dtype=complex),
+        )  # blocks of a full group, and the spectra of the open one
         for block in _blocks(chunks, 2 * lags):
             power = np.mean(block.var(axis=1) / variance)
             spectrum = scipy.fft.rfft(block / np.sqrt(max(power, _CALM)), padded, axis=1)
@@ -362,7 +366,7 @@ class _Groups:
                 if len(counts) == 2 * BLOCKS:
                     sums = [a + b for a, b in zip(sums[::2], sums[1::2], strict=True)]
                     counts, size = [2 * size] * BLOCKS, 2 * size
-                cross = np.zeros(())
+                cross = np.zeros((), dtype=complex)
                 counts.append(0)
             cross = cross + spectrum[:, None] * spectrum[rows].conj()
             counts[-1] += 1

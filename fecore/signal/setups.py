@@ -1,11 +1,13 @@
 """Several recordings of responses, which are joined by references: half spectra of each."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.signal.half_spectra import (
+    DERIVATIVE,
     Chunks,
     HalfSpectra,
     Motion,
@@ -84,13 +86,12 @@ def spectra_of_setups(
 
 
 def _in_common(setups: Sequence[ResponseRecording]) -> list[Dof]:
-    """Sensors that all recordings have, or else those that any two have."""
-    counts = [
-        (dof, sum(dof in each.responses for each in setups))
-        for dof in dict.fromkeys(dof for setup in setups for dof in setup.responses)
-    ]
+    """Sensors that all recordings have, or else those that any two have; of the highest derivative
+    in each.
+    """
+    counts = Counter(dof for setup in setups for dof in _highest(setup))
     for least in (len(setups), 2):
-        if common := [dof for dof, count in counts if count >= least]:
+        if common := [dof for dof, count in counts.items() if count >= least]:
             return common
     raise InputError(
         "references",
@@ -98,6 +99,11 @@ def _in_common(setups: Sequence[ResponseRecording]) -> list[Dof]:
         " joined; put recordings of other sensors into a campaign of their own, or leave a sensor"
         " where it is",
     )
+
+
+def _highest(setup: ResponseRecording) -> list[Dof]:
+    order = [DERIVATIVE[each] for each in setup.quantities]
+    return [dof for dof, own in zip(setup.responses, order, strict=True) if own == max(order)]
 
 
 def _named(dof: Dof) -> str:

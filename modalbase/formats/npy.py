@@ -12,7 +12,8 @@ from modalbase.formats.errors import FormatError
 
 Array = np.ndarray[Any, Any]
 
-_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+"""How the head of an array is read, by its version."""
 
 
 def members_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
@@ -37,7 +38,7 @@ def read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:
     name = member.filename.removesuffix(".npy")
     try:
         with archive.open(member) as stream:
-            shape, _, dtype = _HEADERS[npy.read_magic(stream)](stream)
+            shape, _, dtype = HEADERS[npy.read_magic(stream)](stream)
             claimed = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
             present = member.file_size - stream.tell()
         if dtype.hasobject:

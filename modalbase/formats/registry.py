@@ -18,7 +18,7 @@ from typing import Any, Literal, get_args
 
 from modalbase.formats.errors import FormatError
 
-Kind = Literal["hits", "frfs"]
+Kind = Literal["hits", "frfs", "responses"]
 Member = Literal["kind", "quantity", "mapping"]
 """What may be stated beside a file: what it holds, what its FRFs are, which of its variables is
 what.
@@ -86,6 +86,7 @@ class Format:
     # functions, as `load` takes them
     arrays: str = ""  # path, most bytes -> arrays by name
     recording: str = ""  # path[, layout of its table] -> recording that is read part by part
+    parts: str = ""  # path -> the same, of a format whose files mostly hold other arrays
     frfs: str = ""  # path, most bytes, quantity -> `Frfs` of a file that needs no mapping
     # path -> names of what such a file states; None of one that it is not
     own_names: str = ""
@@ -109,7 +110,7 @@ class Format:
     @property
     def either(self) -> bool:
         """Whether arrays of a file are hits or FRFs, as is stated beside it."""
-        return self.looked_at and len(self.kinds) > 1
+        return self.looked_at and {"hits", "frfs"} <= self.takes.keys()
 
     @property
     def every_suffix(self) -> tuple[str, ...]:
@@ -169,18 +170,22 @@ class Format:
 _ARRAYS: Mapping[Kind, tuple[Member, ...]] = {
     "frfs": ("kind", "quantity", "mapping"),
     "hits": ("kind", "mapping"),
+    "responses": ("kind", "mapping"),
 }
-_HITS: Mapping[Kind, tuple[Member, ...]] = {"hits": ("kind", "mapping")}
+_HITS: Mapping[Kind, tuple[Member, ...]] = {
+    "hits": ("kind", "mapping"),
+    "responses": ("kind", "mapping"),
+}
 _CHANNELS: Mapping[Member, str] = {"quantity": _BY_CHANNEL}
 
 _ROWS = (
     Format(
         "uff",
         "UFF",
-        {"frfs": ("quantity",), "hits": ("mapping",)},
+        {"frfs": ("quantity",), "hits": ("mapping",), "responses": ("kind", "mapping")},
         {
-            "kind": "a UFF says of each dataset what it is",
-            "mapping": "only a recording of hits has one",
+            "kind": "a UFF says of each dataset what it is, but for responses without a force",
+            "mapping": "only a recording has one",
         },
         about="Universal File Format, sets 58 and 58b: [UFF files](uff.md)",
         suffixes=(".uff", ".unv", ".uf", ".bunv", ".ufb"),
@@ -204,6 +209,7 @@ _ROWS = (
         media_types=("application/x-npz",),
         marks=(b"PK",),
         arrays="records.variables:npz_arrays",
+        parts="records.npz:open_npz",
         frfs="frfs.npz:read_npz",
         own_names="frfs.npz:own_names",
         states_quantity=True,

@@ -22,6 +22,7 @@ from service.nouns.imports.purging import router as purging
 from service.nouns.instruments.routes import router as instruments
 from service.nouns.modes.routes import router as mode_sets
 from service.nouns.notifications.routes import router as webhooks
+from service.nouns.recordings.routes import router as recordings
 from service.nouns.records.routes import router as records
 from service.nouns.search.routes import router as search
 from service.nouns.search.saved import router as saved_searches
@@ -45,8 +46,8 @@ NAMED = (imports, updating)
 
 ROUTERS: tuple[APIRouter, ...] = (
     access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
-    frfs, records, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans, search, saved_searches,
-    archives, results, measured_figures, monitoring, webhooks,
+    frfs, records, recordings, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans,
+    search, saved_searches, archives, results, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""
 

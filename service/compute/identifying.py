@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.modal import Identification, IdentifiedPoles, Stabilisation
+from fecore.modal import Identification, IdentifiedPoles, OutputOnly, Stabilisation
 
 
 def describe_identification(identification: Identification) -> dict[str, Any]:
@@ -32,6 +32,17 @@ def describe_identification(identification: Identification) -> dict[str, Any]:
         "stabilisation": _stabilisation(identification.stabilisation),
         "warnings": list(identification.warnings),
         "durations_s": identification.seconds,
+        "excitation": "measured",
+        "harmonics_hz": [],
+    }
+
+
+def describe_output_only(found: OutputOnly) -> dict[str, Any]:
+    """The same of modes of responses alone, with the harmonics that were seen."""
+    return {
+        **describe_identification(found.identification),
+        "excitation": "unmeasured",
+        "harmonics_hz": list(found.harmonics_hz),
     }
 
 
@@ -73,6 +84,7 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
     """
     none = dict.fromkeys(("model_error", "drift", "delay_s", "memory_lines"))
     defaults: dict[str, Any] = {"doubtful": [], "refused_poles": [], "stated": [], **none}
+    defaults |= {"excitation": "measured", "harmonics_hz": []}
     document = {**defaults, **document}
     unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")

@@ -120,6 +120,12 @@ def describe_frfs(averages: Averages, ids: dict[Any, dict[str, str]]) -> list[di
     ]
 
 
+def describe_nothing() -> dict[str, Any]:
+    """The document of a processing without hits."""
+    none = ("processing", "force_coupling", "window_rate_per_s", "delay", "excited_hz")
+    return {**dict.fromkeys(none), "warnings": [], "hits": [], "frfs": []}
+
+
 def describe_processing(
     findings: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]
 ) -> dict[str, Any]:

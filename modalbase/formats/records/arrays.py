@@ -3,7 +3,7 @@ hit.
 """
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -81,23 +81,48 @@ def sampling_rate(
         if values.size == 1:
             rate = float(values[0]) * _factor_of(given, "frequency", units or {})
         elif values.size == samples:
-            if (bad := np.flatnonzero(~np.isfinite(values))).size:
-                why = f"row {bad[0] + 1} of the data has no number; state the rate as a number"
-                raise FormatError(given, f"is not an evenly rising time axis: {why}")
-            steps = np.diff(values)
-            step = float(values[-1] - values[0]) / (samples - 1)
-            uneven = float(np.abs(steps - step).max())
-            if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
-                raise FormatError(
-                    given,
-                    "is not an evenly rising time axis; state the rate as a number where it is"
-                    " rounded",
-                )
-            rate = 1 / step / _factor_of(given, "time", units or {})
+            return axis_rate(given, [values], samples, units)
         else:
             raise FormatError(
                 given, f"has {values.size} values, expected the rate or a time axis of {samples}"
             )
+    return _plausible(rate)
+
+
+def axis_rate(
+    name: str, parts: Iterable[FloatArray], samples: int, units: Mapping[str, str] | None = None
+) -> float:
+    """Samples a second by a time axis.
+
+    Args:
+        name: of the axis.
+        parts: its values, one behind the other.
+        samples: how many.
+        units: that the file's properties state, by channel.
+
+    Raises:
+        FormatError: it does not rise evenly.
+    """
+    count, first, last, steps = 0, 0.0, 0.0, (np.inf, -np.inf)
+    for part in parts:
+        if (bad := np.flatnonzero(~np.isfinite(part))).size:
+            why = f"row {count + bad[0] + 1} of the data has no number; state the rate as a number"
+            raise FormatError(name, f"is not an evenly rising time axis: {why}")
+        own = np.diff(np.concatenate(([last], part) if count else (part,)).astype(float))
+        first = first if count else float(part[0])
+        steps = min(steps[0], own.min(initial=np.inf)), max(steps[1], own.max(initial=-np.inf))
+        count, last = count + part.size, float(part[-1])
+    step = (last - first) / (samples - 1)
+    uneven = max(steps[1] - step, step - steps[0])
+    if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(last)):
+        raise FormatError(
+            name,
+            "is not an evenly rising time axis; state the rate as a number where it is rounded",
+        )
+    return _plausible(1 / step / _factor_of(name, "time", units or {}))
+
+
+def _plausible(rate: float) -> float:
     if not 0 < rate <= _FASTEST_HZ:
         expected = f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}"
         raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, {expected}")

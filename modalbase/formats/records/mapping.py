@@ -75,13 +75,16 @@ class Mapping:
     archived: bool = False
 
 
-def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
+def read_mapping(
+    document: Any, units: dict[str, str] | None = None, *, forced: bool = True
+) -> Mapping:
     """The mapping of a JSON document.
 
     Args:
         document: of JSON.
         units: that the file's properties state, by channel; those in the channels' names are known
             without.
+        forced: one channel is the force; else all are responses to loads that nobody measured.
 
     Raises:
         FormatError: names every field that is missing, unknown or of another kind.
@@ -111,9 +114,11 @@ def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
         if name in names[:i]
     ]
     forces = [c.quantity for c in channels].count("force")
-    if not faults and (forces == 0 or forces == len(channels) == 1):
-        lacks = "a force" if forces == 0 else "a response"
-        faults.append(("mapping.channels", f"lack {lacks}; {ONE_FILE}"))
+    if not faults and not forced:
+        faults += _faults_of_responses(channels)
+    elif not faults and (forces == 0 or forces == len(channels) == 1):
+        lacks = f"a force; {ONE_FILE}; {NO_FORCE}" if forces == 0 else f"a response; {ONE_FILE}"
+        faults.append(("mapping.channels", f"lack {lacks}"))
     elif not faults and forces != 1:
         faults.append(
             ("mapping.channels", f"have {forces} channels of the quantity force, expected one")
@@ -121,6 +126,23 @@ def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
     if faults:
         raise FormatError(faults)
     return Mapping(**{**_taken(document), "channels": tuple(channels)})
+
+
+def _faults_of_responses(channels: list[ChannelMapping]) -> list[tuple[str, str]]:
+    """What does not fit in a recording of responses alone."""
+    faults, seen = list[tuple[str, str]](), dict[tuple[Values, Values], str]()
+    if not channels:
+        faults.append(("mapping.channels", "is empty, expected the responses"))
+    for number, c in enumerate(channels):
+        place = f"mapping.channels.{number}"
+        if c.quantity == "force":
+            why = "is force, and the recording is stated to be of responses alone (kind=responses)"
+            faults.append((f"{place}.quantity", why))
+        axis = abs(c.direction) if isinstance(c.direction, float) else c.direction
+        first = seen.setdefault((c.point, axis), c.variable)
+        if first != c.variable:
+            faults.append((f"{place}.point", f"and direction are those of {first!r} too"))
+    return faults
 
 
 def _channel(
@@ -152,6 +174,11 @@ def _is_texts(given: Any) -> bool:
 ONE_FILE = (
     "all channels of a hit belong in one file: where the force is in one and the response in"
     " another, join their columns"
+)
+
+NO_FORCE = (
+    'where no load was measured, state {"recording": {}} in the mapping, or kind=responses: modes'
+    " are found from the responses alone then"
 )
 
 _VALUE = 'a number or {"variable": name}'

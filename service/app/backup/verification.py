@@ -16,6 +16,7 @@ CHECKED = (
     ("frfs", "id", "coherence", "coherence_sha256"),
     ("frfs", "id", "variance", "variance_sha256"),
     ("records", "id", "data", "sha256"),
+    ("half_spectra", "recording_id", "data", "sha256"),
     ("coupon_curves", "coupon_id", "data", "sha256"),
     ("coupon_curves", "coupon_id", "file", "file_sha256"),
     ("structure_models", "id", "arrays", "arrays_sha256"),

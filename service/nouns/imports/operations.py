@@ -14,6 +14,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from service.nouns.campaigns.operations import campaign_for, campaign_of
 from service.nouns.frfs.operations import remove_frfs
 from service.nouns.modes.operations import remove_mode_sets
+from service.nouns.recordings.operations import remove_recordings
 from service.nouns.records.operations import remove_records
 from service.nouns.storage import book
 from service.nouns.storage.originals import (
@@ -95,8 +96,8 @@ def same_bytes(session: Session, draft: Import) -> Import | None:
 
 
 def remove_import(session: Session, user: User, row: Import) -> None:
-    """Remove what a file brought into its campaign: FRFs, time blocks and modes; grid points stay,
-    and so does the audit trail.
+    """Remove what a file brought into its campaign: FRFs, time blocks, recordings and modes; grid
+    points stay, and so does the audit trail.
 
     Args:
         session: the request's transaction.
@@ -113,6 +114,7 @@ def remove_import(session: Session, user: User, row: Import) -> None:
     campaign = campaign_of(session, row.campaign_id)
     book(session, campaign_for, campaign, "frfs", -remove_frfs(session, row.id))
     book(session, campaign_for, campaign, "records", -remove_records(session, row.id))
+    book(session, campaign_for, campaign, "spectra", -remove_recordings(session, row.id))
     remove_mode_sets(session, row.id)
     size = original_sizes(session, [row.sha256])[row.sha256]
     session.delete(row)

@@ -36,6 +36,8 @@ class ModeSet(Identified, Base):
     name: Mapped[str]
     origin: Mapped[str]
     covariance: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
+    # whether the loads were measured; shapes of unmeasured ones are unscaled
+    excitation: Mapped[str] = mapped_column(server_default="measured", default="measured")
     details: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
     # by which a job identified it
     settings: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
@@ -81,7 +83,7 @@ def create_mode_set(session: Session, user: User, campaign_id: UUID, body: ModeS
     return mode_set
 
 
-DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
+DETAILS = ("warnings", "doubtful", "refused", "refused_poles", "harmonics_hz")
 """What of the document about an identification its mode set has too, so that nobody sees the modes
 without it.
 """
@@ -113,6 +115,7 @@ def keep_identified(
     own = {
         "job_id": job_id,
         "origin": "identified",
+        "excitation": document["excitation"],
         "covariance": covariance,
         "details": details,
         "settings": settings,

@@ -185,6 +185,7 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
         campaign_id=mode_set.campaign_id,
         name=body.name,
         origin="edited",
+        excitation=origin.excitation,
         covariance=_covariance(origin, [pole.get("place") for pole in kept]),
         details=details,
     )

@@ -12,6 +12,7 @@ from service.nouns.campaigns.schemas import Point
 from service.platform.web import LongList, Name, RequestModel, StrictModel, example, wrong
 
 Origin = Literal["typed", "file", "identified", "edited"]
+Excitation = Literal["measured", "unmeasured"]
 
 
 class ShapeValue(RequestModel):
@@ -169,6 +170,12 @@ class ModeSetOut(StrictModel):
     campaign_id: UUID
     name: str
     origin: Origin
+    excitation: Excitation = Field(
+        description=(
+            "unmeasured: identified from responses to loads that nobody measured; shapes are"
+            " unscaled"
+        )
+    )
     import_id: UUID | None = Field(description="the import that it came with")
     job_id: UUID | None = Field(description="the job that identified it")
     superseded_by: UUID | None = Field(
@@ -178,7 +185,8 @@ class ModeSetOut(StrictModel):
     details: dict[str, Any] = Field(
         description=(
             "of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with"
-            " the reason of each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an"
+            " the reason of each, `refused` FRFs, `refused_poles`, `evidence` for each mode,"
+            " `harmonics_hz` of machines where loads are unmeasured; of an"
             " edited set `edited_from`, `dropped` modes, and `decisions`, each with who made it, as"
             " well; empty for others, and for sets of versions up to 0.2"
         )

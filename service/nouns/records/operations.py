@@ -248,6 +248,12 @@ def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None
     return query if hit is None else query.where(Record.hit == hit)
 
 
+def has_records(session: Session, campaign_id: UUID) -> bool:
+    """Whether a campaign has time blocks."""
+    query = select(Record.id).where(Record.campaign_id == campaign_id).limit(1)
+    return session.scalar(query) is not None
+
+
 def block_rows(
     session: Session, campaign_id: UUID, points: set[int] | None = None
 ) -> dict[Place, list[BlockRow]]:
@@ -339,7 +345,10 @@ class RecordIntake:
             self._place = block.point, block.direction
         if block.quantity == "force" or not (block.force_point and block.force_direction):
             if self._place is None:
-                return "is a time block that names no force and comes before any force block"
+                return (
+                    "is a time block that names no force and comes before any force block; where no"
+                    " load was measured, state kind=responses"
+                )
             block = replace(block, force_point=self._place[0], force_direction=self._place[1])
         place = block.force_point, block.force_direction
         channel = (block.quantity, block.point, block.direction, *place)

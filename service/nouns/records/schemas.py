@@ -182,8 +182,15 @@ class StoredRecords(StrictModel):
     )
 
 
+class ReferenceIn(RequestModel):
+    """A sensor that all others are correlated with."""
+
+    point: Point
+    direction: Direction
+
+
 class ProcessingIn(RequestModel):
-    """How records become FRFs; `{}` will do."""
+    """How hits become FRFs, and recordings of responses half spectra; `{}` will do."""
 
     model_config = example()
 
@@ -212,6 +219,35 @@ class ProcessingIn(RequestModel):
         description="a hit is refused where its probability of being good is below",
     )
     overrules: LongList[OverruleIn] = Field(default_factory=list, max_length=100_000)
+    references: list[ReferenceIn] | None = Field(
+        None,
+        min_length=1,
+        max_length=16,
+        description=(
+            "of recordings of responses: sensors that all others are correlated with; null: chosen"
+        ),
+    )
+    lag_s: float | None = Field(
+        None,
+        gt=0,
+        le=1e5,
+        description=(
+            "of recordings of responses: longest lag, at most a 40th of the recording, which is the"
+            " default"
+        ),
+    )
+
+    @property
+    def of_responses(self) -> list[str]:
+        """Members that are stated and of recordings of responses."""
+        return [name for name in ("references", "lag_s") if getattr(self, name) is not None]
+
+    @property
+    def of_hits(self) -> list[str]:
+        """Members that are stated and of hits."""
+        own = self.model_fields_set - {"references", "lag_s"}
+        usual = ProcessingIn.model_validate({})
+        return [name for name in sorted(own) if getattr(self, name) != getattr(usual, name)]
 
     def processing(self) -> Processing:
         """The core's choices, but for the overrules, for which the hits must be known.

@@ -324,6 +324,10 @@ TAGS: list[tuple[str, str]] = [
     ),
     ("imports", "UFF files into a campaign: send one, then ask until it has succeeded."),
     ("FRFs", "What was measured: lists, spectra in six formats, and FRFs from scripts."),
+    (
+        "recordings",
+        "Responses to loads that nobody measured, such as wind: modes are found without a force.",
+    ),
     ("records", "Time blocks of hammer tests: send hits, see which are good, make FRFs of them."),
     (
         "identifications",

@@ -1,5 +1,5 @@
-"""What the child process of an identification does: FRFs in, modes and the document about them
-out.
+"""What the child process of an identification does: FRFs or half spectra in, modes and the document
+about them out.
 """
 
 from collections.abc import Iterator
@@ -7,17 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from fecore.frf import FrfSet
-from fecore.modal import Options, identify
+from fecore.modal import Options, identify, identify_output_only
 from fecore.modes import MeasuredModes
-from service.compute.identifying import describe_identification
+from fecore.signal import HalfSpectra
+from service.compute.identifying import describe_identification, describe_output_only
 from service.platform.queue.kinds import Reporter
 
 
 @dataclass(frozen=True)
 class IdentificationInputs:
-    """FRFs by quantity and axis, in the specimen's frame, and how to identify."""
+    """FRFs by quantity and axis, or half spectra, in the specimen's frame; and how to identify."""
 
     frfs: tuple[FrfSet, ...]
+    spectra: tuple[HalfSpectra, ...]  # of each recording of responses; none beside FRFs
     options: Options
     include_doubtful: bool
     warnings: tuple[str, ...]
@@ -33,8 +35,12 @@ class IdentificationOutput:
 
 def find_modes(inputs: IdentificationInputs, report: Reporter) -> Iterator[IdentificationOutput]:
     """Identify modes and describe them."""
-    identification = identify(inputs.frfs, inputs.options, report)
-    document = describe_identification(identification)
+    if inputs.spectra:
+        found = identify_output_only(inputs.spectra, inputs.options, report)
+        identification, document = found.identification, describe_output_only(found)
+    else:
+        identification = identify(inputs.frfs, inputs.options, report)
+        document = describe_identification(identification)
     document["warnings"] = [*inputs.warnings, *document["warnings"]]
     yield IdentificationOutput(
         identification.chosen(include_doubtful=inputs.include_doubtful).modes, document

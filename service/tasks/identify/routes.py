@@ -51,8 +51,8 @@ of_jobs = JobRoutes(router, IDENTIFICATIONS, IdentificationOut, "identification_
 
 of_jobs.creating(
     "start_identification",
-    "Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a"
-    " body.",
+    "Queue an identification of modes from the campaign's FRFs, or where it has none from the half"
+    " spectra of its recordings; a mode set comes of it. `{}` is a body.",
     IdentificationIn,
     start_identification,
     status=202,

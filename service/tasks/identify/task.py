@@ -1,5 +1,5 @@
-"""Identifications: what a client may ask, the job that finds the modes of a campaign in its FRFs,
-and what it keeps.
+"""Identifications: what a client may ask, the job that finds the modes of a campaign in its FRFs or
+half spectra, and what it keeps.
 """
 
 from collections.abc import Iterator
@@ -18,6 +18,7 @@ from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs.data import load_measured_campaign
 from service.nouns.modes.operations import keep_identified
 from service.nouns.modes.schemas import PolesIn
+from service.nouns.recordings.operations import beside_frfs, load_spectra, recordings_of
 from service.nouns.storage import require_room
 from service.platform.access import Lookup, User
 from service.platform.db.base import Base
@@ -33,8 +34,8 @@ from service.tasks.task import BareTask
 
 
 class Identification(Base):
-    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names
-    it as `job_id`.
+    """One identification of modes from a campaign's FRFs or half spectra; its key is its job's. Its
+    mode set names it as `job_id`.
     """
 
     __tablename__ = "identifications"
@@ -80,19 +81,27 @@ class IdentificationIn(PolesIn, RequestModel):
 
 def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
     campaign = load_measured_campaign(session, row.campaign_id)
-    if not campaign.frf_sets:
-        raise InputError(
-            "campaign", campaign.without_frfs("has no FRFs; import some, or process its hits")
-        )
+    spectra = () if campaign.frf_sets else load_spectra(session, row.campaign_id)
+    if not (campaign.frf_sets or spectra):
+        raise InputError("campaign", campaign.without_frfs(_without_any(session, row.campaign_id)))
     request = IdentificationIn.model_validate(row.options)
     frfs = tuple(used.frfs for used in campaign.frf_sets)
+    left = beside_frfs(session, row.campaign_id) if campaign.frf_sets else []
     windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
     return IdentificationInputs(
         frfs,
+        spectra,
         request.options(),
         request.include_doubtful,
-        (*campaign.warnings, *dict.fromkeys(windows)),
+        (*campaign.warnings, *left, *dict.fromkeys(windows)),
     )
+
+
+def _without_any(session: Session, campaign_id: UUID) -> str:
+    """What a campaign lacks that has neither FRFs nor half spectra."""
+    if recordings_of(session, campaign_id):
+        return "has recordings of responses without half spectra; process them first"
+    return "has no FRFs; import some, or process its hits"
 
 
 def _store(session: Session, row: Identification, items: Iterator[IdentificationOutput]) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from fecore.errors import InputError
@@ -36,24 +35,26 @@ from modalbase.formats.records.variables import read_named
 from modalbase.formats.registry import FORMATS, MEMBERS, Format, Kind, load
 from modalbase.formats.tables import Stated
 from service.compute.frf_rows import EncodedFrf, encoded
+from service.compute.recordings import limit_of, recording_of, units_in
 from service.platform.errors import Fault, Invalid, pointer
 from service.tasks.import_file.recordings import (
     channels_of,
     looked_at,
     proposed_recording,
-    recording_of,
-    units_in,
+)
+from service.tasks.import_file.responses import (
+    FoundRecording,
+    are_responses,
+    proposal_of,
+    proposed_responses,
+    read_responses,
+    table_of,
 )
 
 if TYPE_CHECKING:
     from service.tasks.import_file.compute import ReadingInputs
 
 T = TypeVar("T")
-
-FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
-"""A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or
-its own size: what is measured does not compress better.
-"""
 
 _TEXT = 80  # characters of a text that is listed
 MOST_VARIABLES = 1000  # arrays of a file that are listed
@@ -78,8 +79,8 @@ class FileDescription:
 
 def read_arrays(
     inputs: ReadingInputs, form: str
-) -> Iterator[FileDescription | TimeBlock | EncodedFrf]:
-    """What a file is, then its time blocks or FRFs.
+) -> Iterator[FileDescription | TimeBlock | EncodedFrf | FoundRecording]:
+    """What a file is, then its time blocks or FRFs, or the recording of responses that it is.
 
     Without a mapping where one is needed, a dry run ends after what the file is.
 
@@ -87,6 +88,10 @@ def read_arrays(
         Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with
             its pointer.
     """
+    if are_responses(inputs.mapping, inputs.kind):
+        require_taken(inputs, form, "responses")
+        yield from responses_of(inputs, form)
+        return
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         if inputs.kind == "frfs":
             raise Invalid(
@@ -101,7 +106,7 @@ def read_arrays(
         return
     names = row.names_in(inputs.path) if inputs.mapping is None else None
     kind = inputs.kind or _kind_of(inputs, row, own=names is not None)
-    if len(row.kinds) == 1:
+    if "frfs" not in row.takes:
         require_taken(inputs, form, kind)
     if row.recording and inputs.mapping is None:
         file = _faults_as(_dotted, lambda: recording_of(inputs.path, form))
@@ -112,9 +117,12 @@ def read_arrays(
             )
             raise Invalid(_dotted("mapping.recording"), why)
         shapes = _faults_as(_dotted, lambda: looked_at(file, together=row.fixed_rate))
-        yield FileDescription(
-            form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file)
-        )
+        proposed = propose_recording(file.names, file.units)
+        of_responses = proposed_responses(file, file.names, None)
+        known: Kind = "responses" if of_responses and of_responses[1] else "hits"
+        if of_responses and known == "responses":
+            proposed = of_responses[0]
+        yield FileDescription(form, known, shapes, proposed, notes=_starts(file))
         return
     if row.recording and not row.arrays:
         yield from _single_hits(inputs, form)
@@ -141,6 +149,41 @@ def read_arrays(
         yield from _mapped_frfs(inputs, form, variables, texts, notes)
     else:
         yield from _hits(inputs, form, variables, units_in(variables, texts), notes)
+
+
+def responses_of(
+    inputs: ReadingInputs, form: str, mapping: dict[str, Any] | None = None
+) -> Iterator[FileDescription | FoundRecording]:
+    """A recording of responses alone; without a mapping, which a dry run proposes, what its channels
+    are.
+
+    Args:
+        inputs: the file.
+        form: its format.
+        mapping: in place of one that is not stated.
+
+    Raises:
+        Invalid: the mapping is missing, or does not fit; or a channel cannot be used.
+    """
+    limit, stated = limit_of(inputs.path), inputs.mapping if mapping is None else mapping
+    if stated is None:
+        file = _faults_as(_dotted, lambda: recording_of(inputs.path, form, limit))
+        proposed = proposal_of(file)
+        if not inputs.dry_run:
+            why = f"is missing; ?dry_run=true proposes one; the file suggests {proposed}"
+            raise Invalid("/mapping", why)
+        table = table_of(file)
+        yield FileDescription(
+            form, "responses", file.shapes(), proposed, table=table, notes=_starts(file)
+        )
+        return
+    found, own, notes = _faults_as(
+        _dotted, lambda: read_responses(inputs.path, stated, form, limit)
+    )
+    yield FileDescription(
+        form, "responses", own.file.shapes(), stated, table=table_of(own.file), notes=notes
+    )
+    yield found
 
 
 def require_taken(inputs: ReadingInputs, form: str, kind: Kind | None) -> None:
@@ -268,20 +311,14 @@ def _single_hits(inputs: ReadingInputs, form: str) -> Iterator[FileDescription |
     yield from blocks
 
 
-def limit_of(path: Path) -> int:
-    """The most bytes that a file may unpack to."""
-    size = path.stat().st_size
-    return max(FREE_BYTES, size, min(RATIO * size, MOST_BYTES))
-
-
 def _kind_of(inputs: ReadingInputs, row: Format, *, own: bool) -> Kind | None:
     """What the mapping, the format or its names, which are its `own` ones of FRFs, say that a file
     holds; None where they do not.
     """
     if inputs.mapping is not None and row.looked_at:
         return "frfs" if isinstance(inputs.mapping, dict) and "frf" in inputs.mapping else "hits"
-    if len(row.kinds) == 1:
-        return row.kinds[0]
+    if "frfs" not in row.takes:
+        return "hits"
     return "frfs" if own else None
 
 

@@ -23,10 +23,17 @@ from modalbase.formats.registry import Kind
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
 from service.compute.frf_rows import EncodedFrf
+from service.compute.recordings import recording_of
 from service.compute.spectra import FrequencyAxis, encode, encode_axis
 from service.platform.errors import Invalid
-from service.tasks.import_file.arrays_of_files import FileDescription, read_arrays, require_taken
+from service.tasks.import_file.arrays_of_files import (
+    FileDescription,
+    read_arrays,
+    require_taken,
+    responses_of,
+)
 from service.tasks.import_file.recordings import recording_in_uff
+from service.tasks.import_file.responses import FoundRecording, are_responses, proposal_of
 
 if TYPE_CHECKING:
     from service.platform.queue.kinds import Reporter
@@ -42,6 +49,7 @@ Kept = (
     | uff.Function
     | uff.TimeResponse
     | TimeBlock
+    | FoundRecording
     | uff.ModeShape
     | uff.TraceLine
     | uff.DatasetReport
@@ -74,16 +82,24 @@ def read_upload(inputs: ReadingInputs, report: Reporter) -> Iterator[Kept]:
     report("checking the file", 0.0)
     form = inputs.form or recognise(inputs.path, inputs.filename)
     recording = isinstance(inputs.mapping, dict) and "recording" in inputs.mapping
-    if form == "uff" and not recording:
-        require_taken(inputs, form, "frfs")  # its hits have no mapping, but in a recording
-        yield from _read_uff(inputs, report)
+    responses = are_responses(inputs.mapping, inputs.kind)
+    if form == "uff" and (responses or not recording):
+        # its hits have no mapping, but in a recording
+        require_taken(inputs, form, "responses" if responses else "frfs")
+        yield from _read_uff(inputs, report, responses=responses)
         return
     report("reading arrays", 0.0)
     yield from read_arrays(inputs, form)
 
 
-def _read_uff(inputs: ReadingInputs, report: Reporter) -> Iterator[Kept]:
-    """What is kept of a UFF file, dataset by dataset, each followed by its report."""
+def _read_uff(inputs: ReadingInputs, report: Reporter, *, responses: bool) -> Iterator[Kept]:
+    """What is kept of a UFF file, dataset by dataset, each followed by its report.
+
+    Args:
+        inputs: the file.
+        report: how far the reading is.
+        responses: its time blocks are one recording of responses.
+    """
     size = inputs.path.stat().st_size
     report_at = 0.0
     try:
@@ -126,11 +142,17 @@ def _read_uff(inputs: ReadingInputs, report: Reporter) -> Iterator[Kept]:
                 yield _encoded(item, inputs.quantity)
                 frfs = True
             elif isinstance(item, uff.Function | uff.TimeResponse | uff.ModeShape | uff.TraceLine):
+                is_block = isinstance(item, uff.TimeResponse)
                 channels.update([channel_of(item)] if isinstance(item, uff.TimeResponse) else [])
-                yield item
+                if not (is_block and responses):
+                    yield item
         for spectrum in spectra.finish():
             yield _encoded(spectrum, inputs.quantity) if isinstance(spectrum, uff.Frf) else spectrum
             frfs = frfs or isinstance(spectrum, uff.Frf)
+        if responses:
+            file = recording_of(inputs.path, "uff")
+            yield from responses_of(inputs, "uff", inputs.mapping or proposal_of(file))
+            return
         if inputs.quantity is not None and not (frfs or refused):
             raise Invalid(
                 "quantity", f"is {inputs.quantity}, and the file has no FRF; leave it out"

@@ -36,6 +36,7 @@ from service.nouns.campaigns.operations import (
 )
 from service.nouns.frfs.operations import add_coherence
 from service.nouns.modes.operations import store_read_modes
+from service.nouns.recordings.operations import store_recording
 from service.nouns.records.operations import RecordIntake
 from service.nouns.storage import book
 from service.nouns.structures.models import body_in_space
@@ -43,6 +44,7 @@ from service.nouns.structures.operations import present_structure
 from service.platform.errors import Conflict, Invalid, PayloadTooLarge
 from service.tasks.import_file.arrays_of_files import FileDescription
 from service.tasks.import_file.compute import Kept
+from service.tasks.import_file.responses import FoundRecording
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single
@@ -83,8 +85,9 @@ class Intake:
         self.coherences: list[tuple[int, Pair, Function]] = []
         self.modes: list[ModeShape] = []
         self.lines: list[TraceLine] = []
-        self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0}
+        self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0, "recordings": 0}
         self.records = records
+        self.recordings: list[FoundRecording] = []
         self.blocks: set[int] = set()
         self.unused: dict[int, str] = {}
         self.file_bytes = file_bytes
@@ -105,6 +108,9 @@ class Intake:
         elif isinstance(item, TimeBlock):
             self.records.hold(item)
             self.counts["records"] += 1
+        elif isinstance(item, FoundRecording):
+            self.recordings.append(item)
+            self.counts["recordings"] += 1
         elif isinstance(item, Function):
             self._hold(item.values.nbytes)
             self.coherences.append((item.dataset, _pair(item), item))
@@ -136,6 +142,7 @@ class Intake:
             self.records.store(
                 self.session, self.row.campaign_id, self.unused.keys(), counted=counted, **source
             )
+        self._write_recordings()
         self._write_points()
         self._write_coherences()
         self._write_modes()
@@ -216,6 +223,12 @@ class Intake:
         if self.row.dry_run:
             return
         write({"campaign_id": self.row.campaign_id, "import_id": self.row.id, **frf.columns()})
+
+    def _write_recordings(self) -> None:
+        own = {name: getattr(self.row, name) for name in ("campaign_id", "filename")}
+        own |= {"import_id": self.row.id, "file_sha256": self.row.sha256}
+        for found in () if self.row.dry_run else self.recordings:
+            store_recording(self.session, **own, **vars(found))
 
     def _write_points(self) -> None:
         if self.new_points and not self.row.dry_run:

@@ -8,36 +8,29 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.signal.pulse import LEAD
 from fecore.signal.recording import Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import (
-    ChannelMapping,
     TimeBlock,
     propose,
     propose_recording,
-    read_mapping,
 )
-from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
-from modalbase.formats.records.mapping import LARGEST, MOST_POINT
+from modalbase.formats.records.arrays import Variables
 from modalbase.formats.records.recording import (
     AnyRecording,
     Arrays,
     Recording,
     read_recording,
 )
-from modalbase.formats.records.text import TextRecording
 from modalbase.formats.records.uff import open_uff
-from modalbase.formats.records.variables import read_named
-from modalbase.formats.registry import FORMATS, load
-from modalbase.formats.tables import Stated
-from modalbase.formats.units import unit_beside
+from service.compute.recordings import MappedChannels, mapped_channels, place_of
+from service.tasks.import_file.responses import proposed_responses
 
 Place = tuple[int, int]
 _MOST_NAMED = 60
@@ -45,43 +38,10 @@ _RECORDING = "mapping.recording"
 
 
 @dataclass(frozen=True)
-class Channels:
-    """The channels of a recording that a mapping names, the force first, and where each hit was."""
+class Channels(MappedChannels):
+    """Those of a recording of hits, the force first, and where each hit was."""
 
-    file: AnyRecording  # the recording
-    sample_rate_hz: float  # samples a second
-    mapped: tuple[ChannelMapping, ...]  # channels of the mapping
     stated: Recording  # the order of the hits; where it is empty, all are at the force's point
-
-    @property
-    def names(self) -> list[str]:
-        """Of the channels in the file."""
-        return [c.variable for c in self.mapped]
-
-    @property
-    def full_scales(self) -> list[float | None]:
-        """Of each channel in SI; that of a file of integers is theirs where none is stated."""
-        own = self.file.full_scale
-        return [c.full_scale or (own / c.sensitivity if own else None) for c in self.mapped]
-
-    def chunks(self) -> Iterator[FloatArray]:
-        """(channels, n) parts in SI.
-
-        Raises:
-            FormatError: a channel reaches more than any sensor gives.
-        """
-        for part in self.file.chunks(self.names):
-            for row, channel in zip(part, self.mapped, strict=True):
-                most = max(float(row.max()), -float(row.min()))
-                if np.isfinite(most) and most >= LARGEST * channel.sensitivity:
-                    most /= channel.sensitivity
-                    why = (
-                        f"reaches {most:.3g} in SI, more than any sensor gives; look at the"
-                        " sensitivity"
-                    )
-                    raise FormatError(channel.variable, why)
-                row /= channel.sensitivity
-            yield part
 
     def survey(self) -> Survey:
         """Find the hits; see `fecore.signal.recording.survey`."""
@@ -103,9 +63,9 @@ class Channels:
         """
         force, order = self.mapped[0], self.stated.order
         if not order:
-            return [_place(force)] * len(hits)
+            return [place_of(force)] * len(hits)
         if order[0][2] == 0:
-            return [(order[0][0], _place(force)[1])] * len(hits)
+            return [(order[0][0], place_of(force)[1])] * len(hits)
         places = [entry[:2] for entry in order for _ in range(entry[2])]
         if len(places) != len(hits):
             raise FormatError(
@@ -186,7 +146,7 @@ class Channels:
         for hit, samples in cut(self.chunks(), survey):
             place, number = numbers[hit.at]
             for c, values, full in zip(self.mapped, samples, self.full_scales, strict=True):
-                own = place if c.quantity == "force" else _place(c)
+                own = place if c.quantity == "force" else place_of(c)
                 yield TimeBlock(
                     c.quantity,
                     *own,
@@ -220,72 +180,19 @@ def channels_of(
     Raises:
         FormatError: the file cannot be read, or the mapping does not fit; names the field.
     """
-    file = recording_of(path, form, limit_bytes, document.get("table"))
     stated = read_recording(document["recording"], filename)
-    left = ("recording", "table") if isinstance(file, TextRecording) else ("recording",)
-    rest = {name: value for name, value in document.items() if name not in left}
-    if file.has_rate:
-        rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
     # the order says where the hammer hits
-    if stated.order and isinstance(rest.get("channels"), list):
-        rest["channels"] = [_placed(channel, stated.order[0]) for channel in rest["channels"]]
-    mapping = read_mapping(rest, file.units)
-    if mapping.hit is not None:
-        raise FormatError("mapping.hit", "is counted in a recording; leave it out")
-    for number, c in enumerate(mapping.channels):
-        if c.variable not in file.names:
-            raise FormatError(
-                f"mapping.channels.{number}.variable",
-                f"is {c.variable!r}; the file has {', '.join(file.names)}",
-            )
-        for name, least, most in (("point", 1, MOST_POINT), ("direction", -6, 6)):
-            value = getattr(c, name)
-            if not (
-                isinstance(value, float)
-                and value == int(value)
-                and least <= value <= most
-                and value
-            ):
-                expected = "±1 to ±6" if name == "direction" else f"a whole number from 1 to {most}"
-                raise FormatError(
-                    f"mapping.channels.{number}.{name}", f"is {value!r}, expected {expected}"
-                )
-        if c.window_rate_per_s:
-            raise FormatError(
-                f"mapping.channels.{number}.window_rate_per_s",
-                "is of blocks; a recording has no window",
-            )
-    mapped = tuple(sorted(mapping.channels, key=lambda c: c.quantity != "force"))
-    return Channels(
-        file, file.rate_of([c.variable for c in mapped], mapping.sample_rate_hz), mapped, stated
-    )
-
-
-def recording_of(
-    path: Path, form: str, limit_bytes: int | None = None, table: Any = None
-) -> AnyRecording:
-    """What a recording of a format says of itself; `table` is what a mapping says of one of text.
-
-    Raises:
-        FormatError: it cannot be read.
-    """
-    row = FORMATS[form]
-    if row.recording:
-        stated = (Stated.of(table, "mapping.table"),) if row.is_table else ()
-        file: AnyRecording = load(row.recording)(path, *stated)
-        return file
-    variables, texts = read_named(path, row.suffixes[0], limit_bytes)
-    return Arrays(variables, units_in(variables, texts))
-
-
-def units_in(variables: Variables, texts: dict[str, str]) -> dict[str, str]:
-    """Units that the texts of a file state of its arrays."""
-    return {name: unit for name in variables if (unit := unit_beside(name, texts))}
+    if stated.order and isinstance(document.get("channels"), list):
+        placed = [_placed(channel, stated.order[0]) for channel in document["channels"]]
+        document = {**document, "channels": placed}
+    own = mapped_channels(path, document, form, limit_bytes)
+    mapped = tuple(sorted(own.mapped, key=lambda c: c.quantity != "force"))
+    return Channels(own.file, own.sample_rate_hz, mapped, stated)
 
 
 def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dict[str, Any]] | None:
-    """The blocks of a UFF file and the mapping of a recording that they suggest; None where they
-    are single hits.
+    """The blocks of a UFF file and the mapping of a recording of hits that they suggest; None where
+    they are single hits.
 
     The blocks are read again, so that only a file with one block of one hammer and one of each
     sensor has them in memory.
@@ -305,17 +212,16 @@ def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dic
 
 
 def proposed_recording(file: Arrays) -> dict[str, Any] | None:
-    """The mapping of a recording that arrays suggest whose force holds several hits; None where
-    they do not.
+    """The mapping of a recording that arrays suggest whose force holds several hits, or which go on
+    throughout and none is a force; None where they do not.
     """
     mapping = propose(file.variables, file.units)
     names = [channel["variable"] for channel in mapping["channels"]]
-    if (
-        not names
-        or mapping["channels"][0]["quantity"] != "force"
-        or not set(names) <= set(file.names)
-    ):
+    if not names or not set(names) <= set(file.names):
         return None
+    if mapping["channels"][0]["quantity"] != "force":
+        responses = proposed_responses(file, names, mapping.get("sample_rate_hz"))
+        return None if responses is None else responses[0]
     try:
         rate = file.rate_of(names, mapping["sample_rate_hz"]["variable"])
         several = len(survey(file.chunks(names), rate, 0).hits) > 1
@@ -349,11 +255,6 @@ def looked_at(file: AnyRecording, *, together: bool) -> dict[str, str]:
         ):
             shapes[name] += f", {low:.3g} to {high:.3g}"
     return shapes
-
-
-def _place(channel: ChannelMapping) -> Place:
-    """Where a channel of a recording is, which `channels_of` has made sure is one place."""
-    return int(cast("float", channel.point)), int(cast("float", channel.direction))
 
 
 def _placed(channel: Any, first: tuple[int, int, int]) -> Any:

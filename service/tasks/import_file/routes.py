@@ -57,6 +57,7 @@ class Counts(StrictModel):
     grid_points: int
     modes: int
     records: int = Field(0, description="time blocks of hammer hits")
+    recordings: int = Field(0, description="of responses to loads that nobody measured")
 
 
 class ImportOut(JobOut):
@@ -145,7 +146,8 @@ def start_import(
     kind: Annotated[
         Kind | None,
         Query(
-            description=f"what an {titles(either())} holds; default: by its mapping and its arrays"
+            description=f"what an {titles(either())} holds; default: by its mapping and its arrays."
+            " `responses` of any file: no load was measured"
         ),
     ] = None,
     mapping: MappingQuery = None,
@@ -211,7 +213,7 @@ router.head("/imports/{import_id}/original", include_in_schema=False)(get_import
 
 @router.delete("/imports/{import_id}", status_code=204)
 def delete_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Remove an import with its FRFs, time blocks and modes, such as one of a wrong `quantity`;
+    """Remove an import with its FRFs, time blocks, recordings and modes, such as one of a wrong `quantity`;
     grid points stay.
 
     409 while it runs, and where an update of the campaign may rest on it: results keep what they

@@ -1,1 +1,3 @@
-"""Processings: a campaign's hits are judged, and the good ones become FRFs."""
+"""Processings: a campaign's hits are judged, and the good ones become FRFs; its recordings of
+responses become half spectra.
+"""

@@ -1,9 +1,12 @@
-"""Records to FRFs in the child process, in parts. This module imports no database."""
+"""Hits to FRFs and recordings of responses to half spectra in the child process, in parts. This
+module imports no database.
+"""
 
 import json
 import os
 import pickle
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from fecore.signal import Averages, Estimate, Findings, process_in_parts
@@ -13,12 +16,44 @@ from service.compute.processing import (
     ProcessingInputs,
     Report,
     describe_frfs,
+    describe_nothing,
     describe_processing,
     ids_of,
     judging,
 )
+from service.compute.responses import EncodedSpectra, ResponseInputs, encoded, spectra_of
 
 _MOST_THREADS = 4
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a campaign has to process."""
+
+    hits: ProcessingInputs | None
+    responses: ResponseInputs | None
+
+
+def process_campaign(inputs: Measured, report: Report) -> Iterator[Averages | EncodedSpectra | str]:
+    """The FRFs of the hits and the half spectra of the recordings, and in the end the document about
+    them as JSON.
+    """
+    document = dict(describe_nothing())
+    if inputs.hits is not None:
+        for item in process_records(inputs.hits, report):
+            if isinstance(item, str):
+                document = json.loads(item)
+            else:
+                yield item
+    if inputs.responses is not None:
+        made = list[dict[str, Any]]()
+        spectra = spectra_of(inputs.responses, report)
+        for file, each in zip(inputs.responses.recordings, spectra, strict=True):
+            kept = encoded(file, each)
+            made.append({**kept.document, "sha256": kept.sha256.hex()})
+            yield kept
+        document["spectra"] = made
+    yield json.dumps(document)
 
 
 def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averages | str]:

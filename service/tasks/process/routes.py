@@ -18,8 +18,8 @@ of_jobs = JobRoutes(
 
 of_jobs.creating(
     "start_processing",
-    "Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}`"
-    " is a body.",
+    "Queue a processing: hits are judged, the good ones become FRFs; recordings of responses become"
+    " half spectra. `{}` is a body.",
     ProcessingIn,
     start_processing,
     status=202,

@@ -1,4 +1,6 @@
-"""Processings: the job that turns a campaign's records into FRFs, and what it keeps."""
+"""Processings: the job that turns a campaign's hits into FRFs and its recordings of responses into
+half spectra, and what it keeps.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,15 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.signal import Averages
-from service.compute.processing import ProcessingInputs
+from service.compute.responses import EncodedSpectra
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs.operations import store_processed
-from service.nouns.records.operations import block_rows
+from service.nouns.recordings.operations import (
+    keep_spectra,
+    load_recordings,
+    recordings_of,
+)
+from service.nouns.records.operations import block_rows, has_records
 from service.nouns.records.processings import (
     decisions,
     hits_in,
@@ -29,49 +36,74 @@ from service.nouns.storage import require_room
 from service.platform.access import User
 from service.platform.queue.kinds import CORE_LIBRARIES
 from service.platform.queue.resource import JobNoun
-from service.tasks.process.compute import process_records
+from service.tasks.process.compute import Measured, process_campaign
 from service.tasks.task import BareTask
 
 if TYPE_CHECKING:
     from service.nouns.records.processings import Processing
 
 
-def _load(session: Session, row: Processing, workspace: Path) -> ProcessingInputs:
-    inputs = load_records(
-        session, row.campaign_id, workspace, ProcessingIn.model_validate(row.options)
-    )
-    if inputs is None:
-        raise InputError("campaign", "has no time blocks; POST records first")
-    return inputs
+def _load(session: Session, row: Processing, workspace: Path) -> Measured:
+    options = ProcessingIn.model_validate(row.options)
+    hits = load_records(session, row.campaign_id, workspace, options)
+    responses = load_recordings(session, row.campaign_id, workspace, options)
+    if hits is None and responses is None:
+        raise InputError(
+            "campaign",
+            "has neither time blocks of hits nor recordings of responses; import some first",
+        )
+    _require_used(options, hits is not None, responses is not None)
+    return Measured(hits, responses)
 
 
-def _store(session: Session, row: Processing, items: Iterator[Averages | str]) -> None:
+def _require_used(options: ProcessingIn, hits: bool, responses: bool) -> None:
+    """Refuse what is stated and not used.
+
+    Raises:
+        InputError: it is of hits, or of responses, and the campaign has none.
+    """
+    for stated, there, what in (
+        (options.of_hits, hits, "hits"),
+        (options.of_responses, responses, "recordings of responses"),
+    ):
+        if stated and not there:
+            raise InputError(stated[0], f"is of {what}, and the campaign has none; leave it out")
+
+
+def _store(
+    session: Session, row: Processing, items: Iterator[Averages | EncodedSpectra | str]
+) -> None:
     keys: list[UUID] = []
     for item in items:
         if isinstance(item, Averages):
             keys += store_processed(session, row.campaign_id, row.id, item)
+        elif isinstance(item, EncodedSpectra):
+            keep_spectra(session, row.campaign_id, row.id, item)
         else:
             keep_document(session, row, json.loads(item), keys)
 
 
 PROCESSINGS = JobNoun(
-    "processings", processing_for, _load, process_records, _store, libraries=CORE_LIBRARIES
+    "processings", processing_for, _load, process_campaign, _store, libraries=CORE_LIBRARIES
 )
 
 
 def start_processing(
     session: Session, user: User, campaign_id: UUID, body: ProcessingIn
 ) -> Processing:
-    """Queue a processing of a campaign's records, in the caller's transaction.
+    """Queue a processing of a campaign's hits and recordings, in the caller's transaction.
 
     Raises:
-        InputError: the band is empty, or an overrule means no hit.
+        InputError: the band is empty, an overrule means no hit, or what is stated is not used.
         QuotaExceeded: the project has no room for FRFs.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.processing()  # a wrong choice is refused before it is queued
     if body.overrules:
         decisions(body.overrules, hits_in(block_rows(session, campaign.id).values()))
+    hits, responses = has_records(session, campaign.id), bool(recordings_of(session, campaign.id))
+    if hits or responses:  # else an import may be on its way; the job says so
+        _require_used(body, hits, responses)
     require_room(session, campaign_for.project_of(session, campaign))
     return PROCESSINGS.start(session, user, new_processing(campaign.id, body))
 

@@ -1,0 +1,1 @@
+"""Recordings of responses to loads that nobody measured, and their half spectra."""

@@ -1,0 +1,225 @@
+"""Recordings of responses in the database: a row each, whose samples stay in the original file; and
+their half spectra.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import ForeignKey, Index, LargeBinary, delete, func, select
+from sqlalchemy.dialects.postgresql import JSONB, insert
+from sqlalchemy.orm import Mapped, Session, mapped_column
+
+from fecore.frf import Dof
+from fecore.signal import HalfSpectra
+from service.compute.frame import Frame
+from service.compute.responses import EncodedSpectra, RecordingFile, ResponseInputs, decoded
+from service.nouns.campaigns.operations import campaign_for, campaign_of, frame_of
+from service.nouns.recordings.schemas import RecordingOut, SpectraOut
+from service.nouns.records.schemas import ProcessingIn
+from service.nouns.storage import book
+from service.nouns.storage.originals import write_original
+from service.platform.access import Lookup
+from service.platform.db.base import Base, Big, Identified
+from service.platform.errors import Conflict
+from service.platform.web import shown_as
+
+
+class Recording(Identified, Base):
+    """A recording of responses to loads that nobody measured, of one import."""
+
+    __tablename__ = "recordings"
+    __table_args__ = (Index(None, "campaign_id", "id"), Index(None, "import_id"))
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    import_id: Mapped[UUID] = mapped_column(ForeignKey("imports.id", deferrable=True))
+    filename: Mapped[str]
+    format: Mapped[str]
+    mapping: Mapped[dict[str, Any]] = mapped_column(JSONB)
+    sample_rate_hz: Mapped[float]
+    samples: Mapped[Big]
+    channels: Mapped[list[Any]] = mapped_column(JSONB)
+    file_sha256: Mapped[bytes]
+
+
+class StoredSpectra(Base):
+    """The half spectra of a recording; arrays lie out of line, as npz."""
+
+    __tablename__ = "half_spectra"
+
+    recording_id: Mapped[UUID] = mapped_column(
+        ForeignKey("recordings.id", ondelete="CASCADE"), primary_key=True
+    )
+    processing_id: Mapped[UUID] = mapped_column(ForeignKey("processings.id"))
+    document: Mapped[dict[str, Any]] = mapped_column(JSONB)
+    sha256: Mapped[bytes]
+    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+recording_for = Lookup(Recording, "recording", "campaign_id", campaign_for)
+
+
+def store_recording(session: Session, **stated: Any) -> None:
+    """Store what is known of a recording.
+
+    Raises:
+        Conflict: the campaign has this file as a recording already.
+    """
+    row = Recording(**stated)
+    same = select(Recording.filename).where(
+        Recording.campaign_id == row.campaign_id, Recording.file_sha256 == row.file_sha256
+    )
+    if (known := session.scalars(same).first()) is not None:
+        raise Conflict(
+            f"the campaign has these bytes as the recording {known}; delete its import first"
+        )
+    session.add(row)
+    session.flush()
+
+
+def recordings_of(session: Session, campaign_id: UUID) -> Sequence[Recording]:
+    """A campaign's recordings, oldest first."""
+    return recording_for.all(session, campaign_id=[campaign_id])
+
+
+def remove_recordings(session: Session, import_id: UUID) -> int:
+    """Remove the recordings that an import brought with their spectra, and give the spectra's
+    bytes.
+    """
+    own = select(Recording.id).where(Recording.import_id == import_id)
+    size = func.coalesce(func.sum(func.octet_length(StoredSpectra.data)), 0)
+    gone = session.scalars(select(size).where(StoredSpectra.recording_id.in_(own))).one()
+    session.execute(delete(Recording).where(Recording.import_id == import_id))
+    return int(gone)
+
+
+def load_recordings(
+    session: Session, campaign_id: UUID, workspace: Path, options: ProcessingIn
+) -> ResponseInputs | None:
+    """A campaign's recordings with their originals on the worker's disk; None where it has none."""
+    files = []
+    for number, row in enumerate(recordings_of(session, campaign_id)):
+        path = workspace / f"{number}.recording"
+        write_original(session, row.file_sha256, path)
+        files.append(
+            RecordingFile(row.id, path, row.filename, row.format, row.mapping, row.samples)
+        )
+    stated = options.references
+    references = None if stated is None else tuple(Dof(d.point, d.direction) for d in stated)
+    return ResponseInputs(tuple(files), references, options.lag_s) if files else None
+
+
+def keep_spectra(
+    session: Session, campaign_id: UUID, processing_id: UUID, spectra: EncodedSpectra
+) -> None:
+    """Keep half spectra in place of earlier ones of the same recording.
+
+    Raises:
+        QuotaExceeded: the project has no room for them.
+    """
+    gone = delete(StoredSpectra).where(StoredSpectra.recording_id == spectra.recording_id)
+    before = sum(session.scalars(gone.returning(func.octet_length(StoredSpectra.data))))
+    size = len(spectra.data) - before
+    book(session, campaign_for, campaign_of(session, campaign_id), "spectra", size)
+    session.execute(
+        insert(StoredSpectra).values(
+            recording_id=spectra.recording_id,
+            processing_id=processing_id,
+            document=spectra.document,
+            sha256=spectra.sha256,
+            data=spectra.data,
+        )
+    )
+
+
+def spectra_rows(session: Session, rows: Sequence[Recording]) -> dict[UUID, StoredSpectra]:
+    """What is known of the half spectra of these recordings, without the arrays."""
+    keys = [row.id for row in rows]
+    query = select(StoredSpectra).where(StoredSpectra.recording_id.in_(keys))
+    return {each.recording_id: each for each in session.scalars(query)}
+
+
+def load_spectra(session: Session, campaign_id: UUID) -> tuple[HalfSpectra, ...]:
+    """All half spectra of a campaign, directions in the specimen's frame.
+
+    Raises:
+        Damaged: what was stored is not what a processing made.
+    """
+    frame = frame_of(campaign_of(session, campaign_id))
+    query = (
+        select(StoredSpectra.data, StoredSpectra.sha256)
+        .join(Recording, Recording.id == StoredSpectra.recording_id)
+        .where(Recording.campaign_id == campaign_id)
+        .order_by(Recording.id)
+    )
+    return tuple(in_frame(decoded(data, sha), frame) for data, sha in session.execute(query))
+
+
+def beside_frfs(session: Session, campaign_id: UUID) -> list[str]:
+    """That the half spectra of a campaign are not used, as it has FRFs."""
+    query = select(func.count()).select_from(StoredSpectra).join(Recording)
+    count = session.scalars(query.where(Recording.campaign_id == campaign_id)).one()
+    if not count:
+        return []
+    return [
+        f"half spectra of {count} recordings of responses are not used beside the FRFs; a campaign"
+        " of their own finds modes in them"
+    ]
+
+
+def in_frame(spectra: HalfSpectra, frame: Frame) -> HalfSpectra:
+    """Half spectra of a file with directions in the specimen's frame."""
+    return replace(
+        spectra,
+        responses=tuple(map(frame.dof, spectra.responses)),
+        references=tuple(map(frame.dof, spectra.references)),
+    )
+
+
+def spectra_of_recording(session: Session, row: Recording) -> HalfSpectra:
+    """The half spectra of a recording, directions in the file's coordinates.
+
+    Raises:
+        Conflict: no processing has made them yet.
+    """
+    query = select(StoredSpectra.data, StoredSpectra.sha256).where(
+        StoredSpectra.recording_id == row.id
+    )
+    stored = session.execute(query).one_or_none()
+    if stored is None:
+        raise Conflict(
+            f"recording {row.filename} has no half spectra yet; POST"
+            f" /campaigns/{row.campaign_id}/processings makes them"
+        )
+    return decoded(*stored)
+
+
+def describe_all(session: Session, rows: Sequence[Recording]) -> list[RecordingOut]:
+    """Recordings as clients see them, in the order given."""
+    known = spectra_rows(session, rows)
+    return [
+        shown_as(
+            RecordingOut,
+            row,
+            length_s=row.samples / row.sample_rate_hz,
+            file_sha256=row.file_sha256.hex(),
+            spectra=None if (own := known.get(row.id)) is None else _spectra(own),
+        )
+        for row in rows
+    ]
+
+
+def _spectra(row: StoredSpectra) -> SpectraOut:
+    stated = {name: row.document[name] for name in SpectraOut.model_fields if name in row.document}
+    return SpectraOut(
+        **stated,
+        processing_id=row.processing_id,
+        sha256=row.sha256.hex(),
+        created_at=row.created_at,
+    )

@@ -1,0 +1,61 @@
+"""What a client gets about recordings of responses."""
+
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from pydantic import Field
+
+from fecore.signal.half_spectra import Motion
+from service.platform.web import StrictModel
+
+
+class RecordedChannel(StrictModel):
+    """A sensor of a recording."""
+
+    variable: str = Field(description="its name in the file")
+    quantity: Motion
+    point: int
+    direction: int
+    sensitivity: float = Field(description="by which samples of the file are divided for SI")
+    full_scale: float | None = Field(description="SI; null where it is not known")
+
+
+class SensorOut(StrictModel):
+    """Where and along what a sensor measured, in the file's coordinates."""
+
+    point: int
+    direction: int
+
+
+class SpectraOut(StrictModel):
+    """Half spectra of a recording, without their values."""
+
+    processing_id: UUID
+    quantity: Motion = Field(description="the highest derivative that a sensor measured")
+    references: list[SensorOut] = Field(description="that all sensors are correlated with")
+    lag_s: float = Field(description="longest lag of the correlations")
+    length_s: float = Field(description="of the recording that was used")
+    start_hz: float
+    end_hz: float
+    lines: int
+    sha256: str
+    created_at: datetime
+
+
+class RecordingOut(StrictModel):
+    """A recording of responses to loads that nobody measured; its samples stay in the file."""
+
+    id: UUID
+    campaign_id: UUID
+    import_id: UUID
+    filename: str
+    format: str
+    mapping: dict[str, Any] = Field(description="by which the file is read")
+    sample_rate_hz: float
+    samples: int = Field(description="of each channel")
+    length_s: float
+    channels: list[RecordedChannel]
+    file_sha256: str
+    spectra: SpectraOut | None = Field(description="null until a processing has made them")
+    created_at: datetime

@@ -1,0 +1,133 @@
+"""Recordings of responses go over HTTP to half spectra, modes and an update: nobody measured a force."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from fecore.correlation import mac
+from tests.support.places import shared_file
+from tests.support.rest import RAW, finished, ok, posted
+
+Sent = Callable[..., dict[str, Any]]
+
+
+def truth_of(name: str) -> tuple[Path, dict[str, Any]]:
+    file = shared_file("BLIND_OPEN", "blind-open", f"ambient/{name}/truth.json")
+    return file.parent, json.loads(file.read_text())
+
+
+def campaign_of(api: httpx.Client, folder: Path, truth: dict[str, Any]) -> str:
+    """A campaign of the set's beam, with its grid points."""
+    config = truth["config"]
+    body = {
+        "name": "deck",
+        "geometry": {"length_m": config["L"], "width_m": config["b"], "thickness_m": config["t"]},
+        "density_kg_m3": config["rho"],
+        "material": {
+            "Ex_Pa": 0.9 * config["Ex"],
+            "Ey_Pa": config["Ey"],
+            "Gxy_Pa": 1.15 * config["Gxy"],
+            "Gxz_Pa": config["Gxz"],
+            "Gyz_Pa": config["Gyz"],
+            "nu_xy": config["nuxy"],
+        },
+    }
+    project = posted(api, "projects", {"name": "bridge"})["id"]
+    structure = posted(api, f"projects/{project}/structures", body)["id"]
+    campaign = posted(
+        api, f"structures/{structure}/campaigns", {"name": "wind", "boundary": "cantilever"}
+    )["id"]
+    points = np.loadtxt(folder / "points.csv", delimiter=",", skiprows=1)
+    items = [dict(zip(("label", "x_m", "y_m", "z_m"), row, strict=True)) for row in points]
+    items = [{**item, "label": int(item["label"]), "z_m": 0.0} for item in items]
+    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": items}))
+    return str(campaign)
+
+
+@pytest.fixture
+def sent(api: httpx.Client) -> Sent:
+    def send(campaign: str, file: Path, mapping: Any = None, **query: Any) -> dict[str, Any]:
+        query |= {"filename": file.name} | ({"mapping": json.dumps(mapping)} if mapping else {})
+        path = f"campaigns/{campaign}/imports"
+        answer = api.post(path, content=file.read_bytes(), params=query, headers=RAW)
+        ok(answer, 202)
+        return finished(api, answer.headers["Location"])
+
+    return send
+
+
+def completed(mapping: dict[str, Any]) -> dict[str, Any]:
+    """A proposal with what the file does not say: each channel is a_POINT along z, in SI."""
+    channels = [
+        {**c, "quantity": "acceleration", "sensitivity": 1, "point": int(c["variable"][2:])}
+        | {"direction": 3}
+        for c in mapping["channels"]
+    ]
+    return {**mapping, "channels": channels}
+
+
+def job(api: httpx.Client, path: str, body: Any) -> dict[str, Any]:
+    done = finished(api, api.post(path, json=body).headers["Location"])
+    assert done["status"] == "succeeded", done
+    return done
+
+
+def require_modes(found: dict[str, Any], truth: dict[str, Any]) -> None:
+    """All modes of the set and no other, within three of their standard deviations."""
+    modes, true = found["modes"], truth["modes"]
+    assert len(modes) == len(true)
+    for own, each in zip(modes, true, strict=True):
+        assert abs(own["frequency_hz"] - each["f_hz"]) < 3 * own["frequency_sd_hz"]
+        assert abs(own["damping_ratio"] - each["zeta"]) < 3 * own["damping_sd"]
+        assert own["frequency_sd_hz"] < 4e-3 * each["f_hz"]
+        points = [value["point"] - 1 for value in own["shape"]]
+        shape = np.array([[value["real"] + 1j * value["imag"] for value in own["shape"]]])
+        assert mac(shape, np.array([each["shape"]])[:, points])[0, 0] > 0.99
+
+
+def test_a_recording_becomes_modes_and_an_update(api: httpx.Client, sent: Sent) -> None:
+    folder, truth = truth_of("ambient-1")
+    campaign = campaign_of(api, folder, truth)
+    file = folder / "setup_1.npz"
+    proposed = sent(campaign, file, dry_run="true")["found"]["mapping"]
+    assert proposed["recording"] == {}
+    assert proposed["sample_rate_hz"] == {"variable": "time_s"}
+    assert {c["quantity"] for c in proposed["channels"]} == {None}
+    mapping = completed(proposed)
+
+    # a file without a force is a recording where that is stated, and half a hit where it is not
+    bare = {name: value for name, value in mapping.items() if name != "recording"}
+    (fault,) = sent(campaign, file, bare)["error"]["errors"]
+    assert "lack a force" in fault["detail"]
+    assert "kind=responses" in fault["detail"]
+    (fault,) = sent(campaign, file, {**mapping, "recording": {"least_force": 3}})["error"]["errors"]
+    assert fault["pointer"] == "/mapping/recording/least_force"
+
+    read = sent(campaign, file, mapping)
+    assert (read["status"], read["kind"], read["counts"]["recordings"]) == (
+        "succeeded",
+        "responses",
+        1,
+    )
+    assert "loads that nobody measured moved the 8 sensors" in read["warnings"][0]
+    (recording,) = ok(api.get(f"campaigns/{campaign}/recordings"))["items"]
+    assert (recording["samples"], recording["length_s"]) == (153_600, 600)
+    assert recording["spectra"] is None
+
+    refused = api.post(f"campaigns/{campaign}/processings", json={"estimator": "H2"})
+    assert "is of hits, and the campaign has none" in refused.text
+    missing = api.post(f"campaigns/{campaign}/identifications", json={}).headers["Location"]
+    assert "process them first" in finished(api, missing)["message"]
+
+    (made,) = job(api, f"campaigns/{campaign}/processings", {})["result"]["spectra"]
+    assert made["recording"] == recording["id"]
+    found = job(api, f"campaigns/{campaign}/identifications", {})
+    modes = ok(api.get(f"mode-sets/{found['mode_set']}"))
+    assert modes["excitation"] == found["result"]["excitation"] == "unmeasured"
+    assert modes["details"]["harmonics_hz"] == []
+    require_modes(modes, truth)
