@@ -70,7 +70,11 @@ class OutputOnly:
     # its poles without the window's rate and with the covariance of the blocks, its notes with what
     # responses alone say; its fitted series as of the half spectra
     identification: Identification
-    harmonics_hz: tuple[float, ...]  # steady sines in the responses, ascending
+
+    @property
+    def harmonics_hz(self) -> tuple[float, ...]:
+        """Steady sines in the responses, ascending."""
+        return self.identification.harmonics_hz or ()
 
 
 def identify_output_only(
@@ -125,7 +129,9 @@ def identify_output_only(
         *_of_responses(identification.notes, names),
     )
     used = tuple(names.get(label, label) for label in identification.used)
-    return OutputOnly(replace(identification, found=kept, notes=notes, used=used), harmonics)
+    return OutputOnly(
+        replace(identification, found=kept, notes=notes, used=used, harmonics_hz=harmonics)
+    )
 
 
 def _check(setups: Sequence[HalfSpectra]) -> None:

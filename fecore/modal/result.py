@@ -159,6 +159,9 @@ class Identification:
     # number of lines that count as one independent line, by the correlation of the residual
     memory_lines: float
     seconds: dict[str, float]  # time of each step
+    # steady sines in the responses, ascending, where nobody measured the loads: shapes are unscaled
+    # then. None where they were measured.
+    harmonics_hz: tuple[float, ...] | None = None
 
     def chosen(self, *, include_doubtful: bool = False) -> IdentifiedPoles:
         """The modes, with the uncertain poles where they are asked for.
@@ -176,7 +179,7 @@ class Identification:
                 f"{hz:.2f} Hz: {why}" for hz, why in zip(f, self.found.doubt, strict=True)
             )
             raise IdentificationError(
-                f"all modes that the FRFs show are uncertain ({seen}); include_doubtful or a lower"
+                f"all modes that the data show are uncertain ({seen}); include_doubtful or a lower"
                 " threshold takes them"
             )
         return self.found.select(which)

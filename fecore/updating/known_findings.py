@@ -66,6 +66,12 @@ MODEL = {
         advice="import the FRFs for a joint update",
         apart=True,
     ),
+    "loads_unmeasured": _note(
+        6,
+        "the modes are of responses to loads that nobody measured, so their shapes are"
+        " unscaled{without}",
+        folds=False,
+    ),
     "roving_sensor": _care(
         1,
         "the sensor of {grams:.3g} g moved with the response, so its mass shifts the modes from FRF"

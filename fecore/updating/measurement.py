@@ -21,11 +21,18 @@ from fecore.dynamics.laws import DEFAULT_LAWS
 from fecore.errors import IdentificationError, InputError
 from fecore.findings import Finding, make, remark, texts
 from fecore.frf import Dof, FrfSet
-from fecore.modal import Identification, Options, identify, shapes_at_poles
+from fecore.modal import (
+    Identification,
+    Options,
+    identify,
+    identify_output_only,
+    shapes_at_poles,
+)
 from fecore.modal.arrangement import split_sides
 from fecore.modal.findings import not_used
 from fecore.modal.prepare import screen
 from fecore.modes import MeasuredModes
+from fecore.signal import HalfSpectra
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
@@ -103,10 +110,15 @@ class Measurement:
     # (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows of unit vectors
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
     temperature_c: float | None = None  # of the body in the test, °C; None where nobody stated it
+    # half spectra of responses to loads that nobody measured, in which modes are found where there
+    # are neither FRFs nor modes
+    spectra: tuple[HalfSpectra, ...] = ()
+    # whether the loads were measured under which the modes that are handed in were found
+    loads_measured: bool = True
 
     def __post_init__(self) -> None:
-        if self.frfs is None and self.modes is None:
-            raise InputError("measurement", "has neither FRFs nor modes")
+        if self.frfs is None and self.modes is None and not self.spectra:
+            raise InputError("measurement", "has neither FRFs nor modes nor half spectra")
         if not (np.isfinite(self.roving_mass) and self.roving_mass >= 0):
             raise InputError("roving_mass", f"is {self.roving_mass}, expected kg, not negative")
 
@@ -155,6 +167,8 @@ def prepare(
         IdentificationError: no modes were handed in and the FRFs support none, or doubtful ones
             only.
     """
+    if measurement.frfs is None and measurement.modes is None:
+        return _of_responses(measurement, specimen.model, recipe, report)
     if measurement.frfs is None:
         return _of_modes_only(measurement, specimen.model)
     frfs, unseen = _seen(measurement.frfs, measurement, specimen.model)
@@ -237,6 +251,20 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
         )
     left = len(pairs) - len(moving)
     return frfs.select(moving), [make(REMARKS, "points_held", where=where, left=left)]
+
+
+def _of_responses(
+    measurement: Measurement,
+    model: Model,
+    recipe: Recipe,
+    report: Callable[[str, float], None],
+) -> PreparedMeasurement:
+    """Modes of half spectra, which scale no shape and make no FRF."""
+    found = identify_output_only(measurement.spectra, recipe.identification, report).identification
+    modes = found.chosen(include_doubtful=recipe.include_doubtful).modes
+    modes = replace(modes, highest_hz=float(found.frequency_hz[-1]))
+    data = _of_modes_only(replace(measurement, modes=modes), model)
+    return replace(data, identification=found, notes=(*data.notes, *found.notes))
 
 
 def _of_modes_only(measurement: Measurement, model: Model) -> PreparedMeasurement:

@@ -124,6 +124,7 @@ def update(
         *mesh_on_trust(forward),
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
+        *_unmeasured(measurement),
     ]
     summary = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled)
     at_c = recipe.reference_temperature_c if reference is not None else measurement.temperature_c
@@ -213,6 +214,15 @@ def _other_method(measurement: Measurement, recipe: Recipe) -> list[Finding]:
             "roving_sensor", grams=grams, unused="; the mode set was not used" if unused else ""
         )
     ]
+
+
+def _unmeasured(measurement: Measurement) -> list[Finding]:
+    """That nobody measured the loads under which the modes were found."""
+    found_here = measurement.modes is None and bool(measurement.spectra)
+    if measurement.loads_measured and not found_here:
+        return []
+    without = ": frequencies, shapes and damping ratios were fitted, and no FRFs"
+    return [finding("loads_unmeasured", without="" if measurement.frfs is not None else without)]
 
 
 def _elastic(

@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.modal import Identification, IdentifiedPoles, OutputOnly, Stabilisation
+from fecore.modal import Identification, IdentifiedPoles, Stabilisation
 
 
 def describe_identification(identification: Identification) -> dict[str, Any]:
     """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what
-    was left out, warnings, and the stabilisation diagram.
+    was left out, warnings, and the stabilisation diagram; whether loads were measured, and the
+    harmonics that were seen where they were not.
     """
     chosen = list(zip(_rows(identification.found), identification.found.doubt, strict=True))
     return {
@@ -32,17 +33,8 @@ def describe_identification(identification: Identification) -> dict[str, Any]:
         "stabilisation": _stabilisation(identification.stabilisation),
         "warnings": list(identification.warnings),
         "durations_s": identification.seconds,
-        "excitation": "measured",
-        "harmonics_hz": [],
-    }
-
-
-def describe_output_only(found: OutputOnly) -> dict[str, Any]:
-    """The same of modes of responses alone, with the harmonics that were seen."""
-    return {
-        **describe_identification(found.identification),
-        "excitation": "unmeasured",
-        "harmonics_hz": list(found.harmonics_hz),
+        "excitation": "measured" if identification.harmonics_hz is None else "unmeasured",
+        "harmonics_hz": list(identification.harmonics_hz or ()),
     }
 
 

@@ -44,7 +44,7 @@ def campaign_of(api: httpx.Client, folder: Path, truth: dict[str, Any]) -> str:
     )["id"]
     points = np.loadtxt(folder / "points.csv", delimiter=",", skiprows=1)
     items = [dict(zip(("label", "x_m", "y_m", "z_m"), row, strict=True)) for row in points]
-    items = [{**item, "label": int(item["label"]), "z_m": 0.0} for item in items]
+    items = [{**item, "label": int(item["label"])} for item in items]
     ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": items}))
     return str(campaign)
 
@@ -131,3 +131,43 @@ def test_a_recording_becomes_modes_and_an_update(api: httpx.Client, sent: Sent) 
     assert modes["excitation"] == found["result"]["excitation"] == "unmeasured"
     assert modes["details"]["harmonics_hz"] == []
     require_modes(modes, truth)
+
+    # an update takes frequencies, shapes and damping ratios, and says that no FRF was fitted
+    started = api.post(f"campaigns/{campaign}/update-jobs", json={"seed": 1})
+    updated = finished(api, started.headers["Location"])
+    assert updated["status"] == "succeeded", updated
+    result = ok(api.get(f"update-jobs/{updated['id']}/result"))
+    assert any("loads that nobody measured" in text for text in result["warnings"])
+    estimates = {row["name"]: row for row in result["parameters"]}
+    for name in ("Ex", "Gxy"):
+        row = estimates[name]
+        assert abs(row["estimate"] - truth["config"][name]) < 3 * row["standard_deviation"]
+        assert row["standard_deviation"] < 0.1 * row["estimate"]
+    assert "a0" in estimates  # a law of damping, by the ratios
+    kept = ok(api.get(f"mode-sets/{result['provenance']['mode_set']}"))
+    assert kept["excitation"] == "unmeasured"
+
+
+def test_setups_are_joined_by_what_stays(api: httpx.Client, sent: Sent) -> None:
+    """Four setups of eight sensors, of which two stay; one is a UFF, which says itself what its
+    channels are. Stated references are used, and a longest lag.
+    """
+    folder, truth = truth_of("ambient-2")
+    campaign = campaign_of(api, folder, truth)
+    unstated = sent(campaign, folder / "setup_1.uff", dry_run="true")
+    assert (unstated["kind"], unstated["counts"]["recordings"]) == ("responses", 0)
+    assert any("kind=responses" in (d["reason"] or "") for d in unstated["datasets"])
+    assert sent(campaign, folder / "setup_1.uff", kind="responses")["counts"]["recordings"] == 1
+    for number in (2, 3, 4):
+        file = folder / f"setup_{number}.npz"
+        mapping = sent(campaign, file, dry_run="true", kind="responses")["found"]["mapping"]
+        assert sent(campaign, file, completed(mapping))["counts"]["recordings"] == 1
+    done = job(api, f"campaigns/{campaign}/processings", {})
+    references = [[s["point"] for s in made["references"]] for made in done["result"]["spectra"]]
+    assert references == [truth["references"]] * 4
+    found = job(api, f"campaigns/{campaign}/identifications", {})
+    require_modes(ok(api.get(f"mode-sets/{found['mode_set']}")), truth)
+    stated = {"references": [{"point": 14, "direction": 3}], "lag_s": 6.0}
+    done = job(api, f"campaigns/{campaign}/processings", stated)
+    for made in done["result"]["spectra"]:
+        assert (made["references"], made["lag_s"]) == (stated["references"], 6.0)

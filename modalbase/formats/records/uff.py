@@ -41,6 +41,11 @@ def open_uff(path: Path) -> Arrays:
     return Arrays(variables, units)
 
 
+def is_force(channel: str) -> bool:
+    """Whether a channel of that name is the force."""
+    return channel.startswith("force_")
+
+
 def channel_of(block: TimeResponse) -> str:
     """Name of a block's channel, by what it measures, its point and direction:
     `acceleration_33_3`.

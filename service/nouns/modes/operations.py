@@ -229,6 +229,11 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
     )
 
 
+def loads_measured(session: Session, mode_set_id: UUID) -> bool:
+    """Whether the loads were measured under which a set's modes were found."""
+    return session.get_one(ModeSet, mode_set_id).excitation == "measured"
+
+
 def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSetOut]:
     """Mode sets as clients see them, in the order given, with all modes and shapes; one query for
     all modes.

@@ -10,7 +10,7 @@ from fecore.frf import FrfSet
 from fecore.modal import Options, identify, identify_output_only
 from fecore.modes import MeasuredModes
 from fecore.signal import HalfSpectra
-from service.compute.identifying import describe_identification, describe_output_only
+from service.compute.identifying import describe_identification
 from service.platform.queue.kinds import Reporter
 
 
@@ -36,11 +36,10 @@ class IdentificationOutput:
 def find_modes(inputs: IdentificationInputs, report: Reporter) -> Iterator[IdentificationOutput]:
     """Identify modes and describe them."""
     if inputs.spectra:
-        found = identify_output_only(inputs.spectra, inputs.options, report)
-        identification, document = found.identification, describe_output_only(found)
+        identification = identify_output_only(inputs.spectra, inputs.options, report).identification
     else:
         identification = identify(inputs.frfs, inputs.options, report)
-        document = describe_identification(identification)
+    document = describe_identification(identification)
     document["warnings"] = [*inputs.warnings, *document["warnings"]]
     yield IdentificationOutput(
         identification.chosen(include_doubtful=inputs.include_doubtful).modes, document

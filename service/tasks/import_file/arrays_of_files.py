@@ -152,7 +152,7 @@ def read_arrays(
 
 
 def responses_of(
-    inputs: ReadingInputs, form: str, mapping: dict[str, Any] | None = None
+    inputs: ReadingInputs, form: str, *, complete: bool = False
 ) -> Iterator[FileDescription | FoundRecording]:
     """A recording of responses alone; without a mapping, which a dry run proposes, what its channels
     are.
@@ -160,12 +160,15 @@ def responses_of(
     Args:
         inputs: the file.
         form: its format.
-        mapping: in place of one that is not stated.
+        complete: the file says of each channel what it is, so that no mapping needs to be stated.
 
     Raises:
         Invalid: the mapping is missing, or does not fit; or a channel cannot be used.
     """
-    limit, stated = limit_of(inputs.path), inputs.mapping if mapping is None else mapping
+    limit, stated = limit_of(inputs.path), inputs.mapping
+    if stated is None and complete:
+        file = _faults_as(_dotted, lambda: recording_of(inputs.path, form, limit))
+        stated = proposal_of(file)
     if stated is None:
         file = _faults_as(_dotted, lambda: recording_of(inputs.path, form, limit))
         proposed = proposal_of(file)

@@ -23,7 +23,6 @@ from modalbase.formats.registry import Kind
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
 from service.compute.frf_rows import EncodedFrf
-from service.compute.recordings import recording_of
 from service.compute.spectra import FrequencyAxis, encode, encode_axis
 from service.platform.errors import Invalid
 from service.tasks.import_file.arrays_of_files import (
@@ -32,7 +31,7 @@ from service.tasks.import_file.arrays_of_files import (
     require_taken,
     responses_of,
 )
-from service.tasks.import_file.recordings import recording_in_uff
+from service.tasks.import_file.recordings import recording_in_uff, responses_in_uff
 from service.tasks.import_file.responses import FoundRecording, are_responses, proposal_of
 
 if TYPE_CHECKING:
@@ -150,13 +149,15 @@ def _read_uff(inputs: ReadingInputs, report: Reporter, *, responses: bool) -> It
             yield _encoded(spectrum, inputs.quantity) if isinstance(spectrum, uff.Frf) else spectrum
             frfs = frfs or isinstance(spectrum, uff.Frf)
         if responses:
-            file = recording_of(inputs.path, "uff")
-            yield from responses_of(inputs, "uff", inputs.mapping or proposal_of(file))
+            yield from responses_of(inputs, "uff", complete=True)
             return
         if inputs.quantity is not None and not (frfs or refused):
             raise Invalid(
                 "quantity", f"is {inputs.quantity}, and the file has no FRF; leave it out"
             )
+        if inputs.dry_run and (found := responses_in_uff(inputs.path, channels)) is not None:
+            yield FileDescription("uff", "responses", found.shapes(), proposal_of(found))
+            return
         if (recording := recording_in_uff(inputs.path, channels)) is not None:
             if not inputs.dry_run:
                 why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"

@@ -28,7 +28,7 @@ from modalbase.formats.records.recording import (
     Recording,
     read_recording,
 )
-from modalbase.formats.records.uff import open_uff
+from modalbase.formats.records.uff import is_force, open_uff
 from service.compute.recordings import MappedChannels, mapped_channels, place_of
 from service.tasks.import_file.responses import proposed_responses
 
@@ -201,7 +201,7 @@ def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dic
         path: of the file.
         channels: how many blocks each channel has, by `channel_of`.
     """
-    if sum(name.startswith("force") for name in channels) != 1 or channels.total() > len(channels):
+    if sum(map(is_force, channels)) != 1 or channels.total() > len(channels):
         return None
     try:
         file = open_uff(path)
@@ -209,6 +209,21 @@ def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dic
         return None
     proposed = proposed_recording(file)
     return None if proposed is None else (file.variables, proposed)
+
+
+def responses_in_uff(path: Path, channels: Counter[str]) -> Arrays | None:
+    """The blocks of a UFF file that are one recording of responses; None where they are none.
+
+    Args:
+        path: of the file.
+        channels: how many blocks each channel has, by `channel_of`.
+    """
+    if not channels or channels.total() > len(channels) or any(map(is_force, channels)):
+        return None
+    try:
+        return open_uff(path)
+    except FormatError:  # channels of two rates are no recording
+        return None
 
 
 def proposed_recording(file: Arrays) -> dict[str, Any] | None:

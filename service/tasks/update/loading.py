@@ -15,6 +15,7 @@ from fecore.body.constants import Body, Parameter
 from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
 from fecore.modes import MeasuredModes
+from fecore.signal import HalfSpectra
 from fecore.updating.campaigns import CampaignsRecipe, Coupon, usual_parameters
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
@@ -24,7 +25,8 @@ from service.compute.processing import ProcessingInputs
 from service.nouns.campaigns.operations import campaign_of, campaigns_of
 from service.nouns.coupons.operations import batch_for, summarise
 from service.nouns.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
-from service.nouns.modes.operations import load_modes
+from service.nouns.modes.operations import load_modes, loads_measured
+from service.nouns.recordings.operations import load_spectra, recordings_of
 from service.nouns.records.processings import load_records
 from service.nouns.structures.operations import describe_version, version_of
 from service.nouns.structures.schemas import StructureIn
@@ -56,18 +58,15 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
         return _load_together(session, job, UpdateBatchIn.model_validate(job.request))
     recipe = RecipeIn.model_validate(job.recipe)
     campaign = _as_of(session, job.campaign_id, job.structure_version_id)
-    records = None
+    records, spectra = None, tuple[HalfSpectra, ...]()
     if not campaign.frf_sets and recipe.mode_set is None:
         records = load_records(session, job.campaign_id, workspace, recipe.processing)
         if records is None:
-            raise InputError(
-                "campaign",
-                campaign.without_frfs(
-                    "has no FRFs and no time blocks; import a UFF file or POST records first, or"
-                    " name a mode set in the recipe"
-                ),
-            )
-        campaign = _with_sensor_of(campaign, records)
+            spectra = load_spectra(session, job.campaign_id)
+        else:
+            campaign = _with_sensor_of(campaign, records)
+        if records is None and not spectra:
+            raise InputError("campaign", campaign.without_frfs(_without_any(session, campaign)))
     used, modes, inputs = _measured(session, campaign, recipe)
     body = body_for(
         session, campaign.structure, campaign.boundary, recipe, carried_masses(campaign)
@@ -82,7 +81,15 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     loaded = LoadedCampaign(
         body=body,
         measurement=(
-            _measurement(campaign, used, modes, core, roving_mass(campaign))
+            _measurement(
+                campaign,
+                used,
+                modes,
+                core,
+                roving_mass(campaign),
+                spectra=spectra,
+                loads_measured=recipe.mode_set is None or loads_measured(session, recipe.mode_set),
+            )
             if records is None
             else None
         ),
@@ -94,16 +101,37 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     return UpdateInputs((loaded,))
 
 
+def _without_any(session: Session, campaign: MeasuredCampaign) -> str:
+    """What a campaign lacks that has neither FRFs, time blocks nor half spectra."""
+    if recordings_of(session, campaign.campaign_id):
+        return (
+            "has recordings of responses that are not processed; POST a processing first, or name a"
+            " mode set in the recipe"
+        )
+    return (
+        "has no FRFs and no time blocks; import a UFF file or POST records first, or name a mode set"
+        " in the recipe"
+    )
+
+
 def _measurement(
     campaign: MeasuredCampaign,
     used: MeasuredFrfs | None,
     modes: MeasuredModes | None,
     inputs: Inputs,
     roving: float = 0.0,
+    **of_responses: Any,
 ) -> Measurement:
-    frfs = None if used is None else used.frfs
-    axes, warm = campaign.frame.point_axes(campaign.points), campaign.temperature_c
-    return Measurement(frfs, campaign.points, modes, roving, inputs, axes, temperature_c=warm)
+    return Measurement(
+        None if used is None else used.frfs,
+        campaign.points,
+        modes,
+        roving,
+        inputs,
+        campaign.frame.point_axes(campaign.points),
+        temperature_c=campaign.temperature_c,
+        **of_responses,
+    )
 
 
 def _load_together(session: Session, row: UpdateJob, request: UpdateBatchIn) -> UpdateInputs:
