@@ -76,7 +76,18 @@ class HalfSpectra:
     length_s: float  # of what was used of the recording
     # (L,) spectral kurtosis of the responses, 0 for random ones and -1 for a steady sine
     kurtosis: FloatArray
+    # (N, L) and (N, R, L) one-sided power spectra of the responses, and of them with the references
+    # (conjugated), (unit of x)²/Hz, of Hann segments of one lag's length
+    autos: FloatArray
+    crosses: ComplexArray
     quantity: Motion = "acceleration"  # x: the highest derivative among the sensors
+
+    @property
+    def singular_values(self) -> FloatArray:
+        """(R, L) singular values of the power spectra of all responses with the references, the
+        largest first: about each mode one rises from the others.
+        """
+        return np.linalg.svd(self.crosses.transpose(2, 0, 1), compute_uv=False).T
 
     @property
     def mean(self) -> ComplexArray:
@@ -170,6 +181,8 @@ def half_spectra(
     spectra: ComplexArray = np.array(
         [_transformed(each, lags, sample_rate_hz, below)[..., keep] for each in groups.correlations]
     )
+    scale = (2 * np.pi * line) ** below[:, None]
+    hann = 2 / (sample_rate_hz * 0.375 * lags * _SEGMENTS * groups.counts.sum())
     return HalfSpectra(
         frequency_hz=line[keep],
         blocks=spectra / groups.counts[:, None, None, None],
@@ -179,7 +192,9 @@ def half_spectra(
         window_rate_per_s=float(-np.log(LEFT) * sample_rate_hz / lags),
         lag_s=lags / sample_rate_hz,
         length_s=float(groups.counts.sum()) * 2 * lags / sample_rate_hz,
-        kurtosis=groups.kurtosis((2 * np.pi * line) ** below[:, None])[keep],
+        kurtosis=groups.kurtosis(scale)[keep],
+        autos=(hann * scale**2 * groups.powers[0])[:, keep],
+        crosses=(hann * (1j ** below[:, None] * scale)[:, None] * groups.crosses)[..., keep],
         quantity=highest,
     )
 
@@ -294,12 +309,14 @@ def _transformed(
     spectra: ComplexArray = scipy.fft.rfft(windowed, axis=-1) / rate
     shift = -np.log(LEFT) * rate / lags + 2j * np.pi * scipy.fft.rfftfreq(lags, 1 / rate)
     for row in np.flatnonzero(below):
-        begin, end = values[row][:, 1], values[row][:, lags + 1]
+        own = values[row]
+        begin, end = own[:, 1], own[:, lags + 1]
         for _ in range(int(below[row])):
-            spectra[row] = shift * spectra[row] + (LEFT * end - begin)[:, None]
-            begin, end = (
-                rate * (values[row][:, k + 1] - values[row][:, k - 1]) / 2 for k in (1, lags + 1)
-            )
+            steep = [rate * (own[:, k + 1] - own[:, k - 1]) / 2 for k in (1, lags + 1)]
+            # the trapezoidal rule's error at lag 0 (Euler and Maclaurin), which is none of a constant
+            missed = (steep[0][:, None] - np.outer(begin, shift)) / (12 * rate**2)
+            spectra[row] = shift * (spectra[row] + missed) + (LEFT * end - begin)[:, None]
+            begin, end = steep
     return spectra
 
 
@@ -347,6 +364,7 @@ class _Groups:
     correlations: FloatArray  # (G, N, R, L + 3) Σ_t x_i(t + τ) x_j(t) of blocks, from lag -1 on
     counts: FloatArray  # (G,) blocks
     powers: FloatArray  # (2, N, K) sums of |Y|² and |Y|⁴ of Hann segments Y, three a block
+    crosses: ComplexArray  # (N, R, K) sums of Y_i Y_j* of the same
 
     @classmethod
     def of(
@@ -354,7 +372,8 @@ class _Groups:
     ) -> _Groups:
         padded = scipy.fft.next_fast_len(3 * lags + 2, real=True)
         padded += padded % 2
-        sums, counts, powers = list[FloatArray](), list[int](), np.zeros(())
+        sums, counts = list[FloatArray](), list[int]()
+        powers, crosses = np.zeros(()), np.zeros((), dtype=complex)
         size, cross = (
             1,
             np.zeros((), dtype=complex),
@@ -372,10 +391,13 @@ class _Groups:
             counts[-1] += 1
             if counts[-1] == size:
                 sums.append(_correlated(cross, lags))
-            powers = powers + _powers(block, lags)
+            segments = _segments(block, lags)
+            power = np.abs(segments) ** 2
+            powers = powers + np.stack([power.sum(axis=0), (power**2).sum(axis=0)])
+            crosses = crosses + np.einsum("snk,srk->nrk", segments, segments[:, rows].conj())
         if len(sums) < len(counts):
             sums.append(_correlated(cross, lags))
-        return cls(np.array(sums), np.array(counts, dtype=float), powers)
+        return cls(np.array(sums), np.array(counts, dtype=float), powers, crosses)
 
     def kurtosis(self, scale: FloatArray) -> FloatArray:
         """(K,) spectral kurtosis E|Y|⁴/(E|Y|²)² - 2 (Antoni, Mech. Syst. Signal Process. 20, 2006),
@@ -400,9 +422,9 @@ def _correlated(cross: ComplexArray, lags: int) -> FloatArray:
 _SEGMENTS = 3  # of a block
 
 
-def _powers(block: FloatArray, lags: int) -> FloatArray:
-    """(2, N, K) sums of powers of the three half-overlapping segments of a block."""
+def _segments(block: FloatArray, lags: int) -> ComplexArray:
+    """(3, N, K) spectra of the three half-overlapping Hann segments of a block."""
     window = scipy.signal.windows.hann(lags, sym=False)
     segments = np.stack([block[:, at : at + lags] for at in (0, lags // 2, lags)])
-    power = np.abs(scipy.fft.rfft(segments * window, axis=-1)) ** 2
-    return np.stack([power.sum(axis=0), (power**2).sum(axis=0)])
+    spectra: ComplexArray = scipy.fft.rfft(segments * window, axis=-1)
+    return spectra

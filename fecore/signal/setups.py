@@ -76,10 +76,10 @@ def spectra_of_setups(
             setup.chunks,
             setup.sample_rate_hz,
             setup.responses,
-            own,
-            lag_s,
-            setup.quantities,
-            among,
+            references=own,
+            lag_s=lag_s,
+            quantities=setup.quantities,
+            among=among,
         )
         references = references or spectra.references
         yield spectra

@@ -260,11 +260,13 @@ def _of_responses(
     report: Callable[[str, float], None],
 ) -> PreparedMeasurement:
     """Modes of half spectra, which scale no shape and make no FRF."""
-    found = identify_output_only(measurement.spectra, recipe.identification, report).identification
-    modes = found.chosen(include_doubtful=recipe.include_doubtful).modes
-    modes = replace(modes, highest_hz=float(found.frequency_hz[-1]))
+    identification = identify_output_only(
+        measurement.spectra, recipe.identification, report
+    ).identification
+    modes = identification.chosen(include_doubtful=recipe.include_doubtful).modes
+    modes = replace(modes, highest_hz=float(identification.frequency_hz[-1]))
     data = _of_modes_only(replace(measurement, modes=modes), model)
-    return replace(data, identification=found, notes=(*data.notes, *found.notes))
+    return replace(data, identification=identification, notes=(*data.notes, *identification.notes))
 
 
 def _of_modes_only(measurement: Measurement, model: Model) -> PreparedMeasurement:

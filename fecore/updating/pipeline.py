@@ -218,8 +218,8 @@ def _other_method(measurement: Measurement, recipe: Recipe) -> list[Finding]:
 
 def _unmeasured(measurement: Measurement) -> list[Finding]:
     """That nobody measured the loads under which the modes were found."""
-    found_here = measurement.modes is None and bool(measurement.spectra)
-    if measurement.loads_measured and not found_here:
+    of_responses = measurement.modes is None and bool(measurement.spectra)
+    if measurement.loads_measured and not of_responses:
         return []
     without = ": frequencies, shapes and damping ratios were fitted, and no FRFs"
     return [finding("loads_unmeasured", without="" if measurement.frfs is not None else without)]

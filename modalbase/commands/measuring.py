@@ -103,8 +103,11 @@ def import_files(
         typer.Option(help="What FRFs are whose file does not say"),
     ] = None,
     kind: Annotated[
-        Literal["hits", "frfs"] | None,
-        typer.Option(help=f"What an {titles(either())} holds; by default as its arrays say"),
+        Literal["hits", "frfs", "responses"] | None,
+        typer.Option(
+            help=f"What an {titles(either())} holds, by default as its arrays say; `responses` where"
+            " no load was measured"
+        ),
     ] = None,
     mapping: Annotated[
         Path | None,
@@ -130,7 +133,7 @@ def import_files(
     if as_json:
         print_json(done)
     else:
-        names = ("frfs", "grid_points", "modes", "records")
+        names = ("frfs", "grid_points", "modes", "records", "recordings")
         rows = [
             [d["id"], d["filename"], d["status"], *((d["counts"] or {}).get(n) for n in names)]
             for d in done

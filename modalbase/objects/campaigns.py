@@ -57,6 +57,34 @@ class Record(Thing):
         self.lab.rest.delete_record(self.fields["id"])
 
 
+class Recording(Thing):
+    """A recording of responses to loads that nobody measured."""
+
+    noun = Kind("recording", "recordings/{}", "campaigns/{}/recordings")
+
+    def spectra(self) -> dict[str, Any]:
+        """Its spectra as numpy arrays: `frequency_hz` (L,), power spectra `auto` (N, L) and `cross`
+        (N, R, L) of N sensors with R references, `half` spectra of the blocks, `responses` and
+        `references` as rows of point and direction.
+
+        Raises:
+            ClientError: no processing has made them yet.
+        """
+        import numpy as np
+
+        content = self.lab.rest.get_recording_spectra(self.fields["id"], format="npz")
+        with np.load(BytesIO(content)) as arrays:
+            return dict(arrays)
+
+    def save_spectra(self, file: str | Path) -> Path:
+        """Write its spectra to a file: `.uff`, `.npz` or `.json`.
+
+        Raises:
+            ClientError: the name says no format, or no processing has made them yet.
+        """
+        return self._save("spectra", file, {f".{name}": name for name in ("uff", "npz", "json")})
+
+
 POINT = ("label", "x_m", "y_m", "z_m")
 
 
@@ -71,8 +99,9 @@ class Campaign(Editable):
         Args:
             file: the analyser's export; its format is recognised by its content.
             wait: for the end of the reading.
-            options: `mapping` of hits and of FRFs of a .mat, which variable is what; `kind` of an
-                npz, .mat or CSV, `hits` or `frfs`, where its arrays do not say; `quantity` of FRFs
+            options: `mapping` of hits, of responses, and of FRFs of a .mat, which variable is what;
+                `kind` of an npz, .mat or CSV, `hits` or `frfs`, where its arrays do not say, and of
+                any file `responses`, where no load was measured; `quantity` of FRFs
                 whose file does not say (`accelerance`, `mobility`, `receptance`); `dry_run`.
 
         Returns:
@@ -185,7 +214,7 @@ class Campaign(Editable):
         return Frfs.from_npz(self._call("GET", "frfs/data", params=_npz(filters)))
 
     def figure(self, name: str, **options: Any) -> Figure:
-        """A figure, shown in a notebook: `frf` or `hits`.
+        """A figure, shown in a notebook: `frf`, `hits` or `spectra`.
 
         Args:
             name: which one.
@@ -287,11 +316,15 @@ class Campaign(Editable):
         )
         return self._judged(answer)
 
-    def propose_mapping(self, file: str | Path) -> dict[str, Any]:
+    def propose_mapping(self, file: str | Path, kind: str = "hits") -> dict[str, Any]:
         """What a file of time blocks holds, and a mapping in its own words; None where it says
         nothing. Nothing is stored.
+
+        Args:
+            file: what the recorder wrote.
+            kind: `hits`, or `responses` where no load was measured.
         """
-        proposal: dict[str, Any] = self.import_file(file, kind="hits", dry_run=True).fields["found"]
+        proposal: dict[str, Any] = self.import_file(file, kind=kind, dry_run=True).fields["found"]
         return proposal
 
     def _judged(self, answer: dict[str, Any]) -> dict[str, Any]:
@@ -313,6 +346,10 @@ class Campaign(Editable):
         """
         require_known("list_records", filters)
         return self._list(Record, **filters)
+
+    def recordings(self) -> list[Recording]:
+        """Its recordings of responses to loads that nobody measured."""
+        return self._list(Recording)
 
     def judge(
         self, hit: Record | Mapping[str, Any] | tuple[int, int], *, good: bool | None, why: str
@@ -352,11 +389,12 @@ class Campaign(Editable):
         return self._pages("hit-decisions")
 
     def process(self, *, wait: bool = True, **options: Any) -> Processing:
-        """Make FRFs of the good hits.
+        """Make FRFs of the good hits, and half spectra of recordings of responses.
 
         Args:
             wait: for its end.
-            options: `estimator`, `windows`, `band_hz`, `delay_s`, `false_discovery`, `overrules`.
+            options: of hits `estimator`, `windows`, `band_hz`, `delay_s`, `false_discovery`,
+                `overrules`; of recordings `references`, `lag_s`.
 
         Raises:
             JobFailed: it did not succeed.

@@ -398,7 +398,7 @@ class Import(Job):
 
 
 class Processing(Job):
-    """From time blocks to FRFs."""
+    """From time blocks to FRFs, and from recordings of responses to half spectra."""
 
     noun = Kind("processing", "processings/{}", "campaigns/{}/processings")
 
@@ -413,7 +413,7 @@ class Stoppable(Job):
 
 
 class Identification(Stoppable):
-    """From FRFs to modes."""
+    """From FRFs or half spectra to modes."""
 
     noun = Kind("identification", "identifications/{}", "campaigns/{}/identifications")
 

@@ -29,9 +29,16 @@ from service.nouns.modes.operations import mode_set_for
 from service.nouns.monitors.operations import describe_all as described_monitors
 from service.nouns.monitors.operations import monitors_of, series_for
 from service.nouns.monitors.presentation import series_document
+from service.nouns.recordings.operations import describe_all as described_recordings
+from service.nouns.recordings.operations import (
+    recordings_of,
+    spectra_of_recording,
+    write_npz,
+)
 from service.nouns.records.operations import query_of, sample_bytes
 from service.nouns.records.processings import decisions_of, documents_of
 from service.nouns.records.schemas import HitDecisionOut
+from service.nouns.storage.originals import copy_original
 from service.nouns.structures.models import deck_of, model_for
 from service.nouns.structures.operations import describe as described_structure
 from service.nouns.structures.operations import structures_of
@@ -169,6 +176,7 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
         f"{folder}/processings.json",
         [{"id": p.id, "options": p.options, "result": p.document} for p in processed],
     )
+    _write_recordings(session, archive, folder, campaign.id)
     tables = make_tables(session, frf_for.all(session, campaign_id=[campaign.id]), Cut())
     if tables:
         with archive.member(f"{folder}/frfs.uff") as file:
@@ -185,6 +193,21 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
         for mode in one.modes
     ]
     archive.table(f"{folder}/modes.csv", ("mode_set", "name", *MODE_COLUMNS), modes)
+
+
+def _write_recordings(session: Session, archive: Archive, folder: str, campaign_id: UUID) -> None:
+    """Recordings of responses as they were sent, and their spectra."""
+    rows = recordings_of(session, campaign_id)
+    if not rows:
+        return
+    shown = described_recordings(session, rows)
+    archive.json(f"{folder}/recordings.json", shown)
+    for row, each in zip(rows, shown, strict=True):
+        with archive.member(f"{folder}/recordings/{row.id}/original") as file:
+            copy_original(session, row.file_sha256, file)
+        if each.spectra is not None:
+            with archive.member(f"{folder}/recordings/{row.id}/spectra.npz") as file:
+                write_npz(spectra_of_recording(session, row), file)
 
 
 def _write_results(

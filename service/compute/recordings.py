@@ -91,7 +91,7 @@ def mapped_channels(
     *,
     forced: bool = True,
 ) -> MappedChannels:
-    """The channels of a recording that a mapping names, in its order.
+    """The channels of a recording that a mapping names, a force before the others.
 
     Args:
         path: of the file.
@@ -136,8 +136,9 @@ def mapped_channels(
                 f"mapping.channels.{number}.window_rate_per_s",
                 "is of blocks; a recording has no window",
             )
-    names = [c.variable for c in mapping.channels]
-    return MappedChannels(file, file.rate_of(names, mapping.sample_rate_hz), mapping.channels)
+    mapped = tuple(sorted(mapping.channels, key=lambda c: c.quantity != "force"))
+    rate = file.rate_of([c.variable for c in mapped], mapping.sample_rate_hz)
+    return MappedChannels(file, rate, mapped)
 
 
 def recording_of(

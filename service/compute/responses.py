@@ -107,6 +107,8 @@ def encoded(file: RecordingFile, spectra: HalfSpectra) -> EncodedSpectra:
         blocks=spectra.blocks.astype(np.complex64),
         weights=spectra.weights,
         kurtosis=spectra.kurtosis,
+        autos=spectra.autos,
+        crosses=spectra.crosses.astype(np.complex64),
         responses=_pairs(spectra.responses),
         references=_pairs(spectra.references),
         window_rate_per_s=spectra.window_rate_per_s,
@@ -147,6 +149,8 @@ def decoded(data: bytes, sha256: bytes) -> HalfSpectra:
             lag_s=float(file["lag_s"]),
             length_s=float(file["length_s"]),
             kurtosis=file["kurtosis"],
+            autos=file["autos"],
+            crosses=file["crosses"].astype(np.complex128),
             quantity=cast("Motion", str(file["quantity"])),
         )
 

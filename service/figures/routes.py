@@ -21,6 +21,7 @@ from service.figures.measured import (
     point_blocks,
     point_shown,
 )
+from service.figures.responses import spectra_figure, spectra_shown
 from service.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.coupons.curves import curve_of, series_of
@@ -47,6 +48,7 @@ router = api_router(tags=[])  # each figure stands beside what it shows
 _CAMPAIGN_FIGURES = {
     "frf": ("point", "direction", "reference", "fmin", "fmax"),
     "hits": ("point", "direction", "response", "fmin", "fmax", "tmin", "tmax"),
+    "spectra": ("fmin", "fmax"),
 }
 _MODE_SET_FIGURES = {"mac": ("mode_set",), "shapes": ()}
 """Figures by name, with the parameters of the query that each uses."""
@@ -88,8 +90,9 @@ def get_campaign_figure(
         Seconds, Query(description="of `hits`: samples up to here are drawn one by one, s")
     ] = None,
 ) -> Response:
-    """The first `frf` that matches; or the `hits` of a point: good ones alike, bad ones with what
-    was found against them.
+    """The first `frf` that matches; the `hits` of a point: good ones alike, bad ones with what
+    was found against them; or the singular values of the `spectra` of recordings of responses, with
+    the modes of the newest mode set that was found in them.
 
     Hits are judged as the newest processing judged them; before one, among themselves.
     """
@@ -104,6 +107,10 @@ def get_campaign_figure(
         )
         cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
         return request.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
+    if name == "spectra":
+        cut = Cut(fmin, fmax)
+        shown = spectra_shown(session, campaign.id)
+        return request.answer(lambda: spectra_figure(session, shown, cut), name, shown.version)
     blocks = point_blocks(session, campaign.id, HitQuery(point, direction, response))
     seconds, hertz = (tmin, tmax), (fmin, fmax)
     return request.answer(

@@ -1,5 +1,6 @@
 """Recordings of responses go over HTTP to half spectra, modes and an update: nobody measured a force."""
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+import pyuff
 
 from fecore.correlation import mac
 from tests.support.places import shared_file
@@ -90,7 +92,9 @@ def require_modes(found: dict[str, Any], truth: dict[str, Any]) -> None:
         assert mac(shape, np.array([each["shape"]])[:, points])[0, 0] > 0.99
 
 
-def test_a_recording_becomes_modes_and_an_update(api: httpx.Client, sent: Sent) -> None:
+def test_a_recording_becomes_modes_and_an_update(
+    api: httpx.Client, sent: Sent, tmp_path: Path
+) -> None:
     folder, truth = truth_of("ambient-1")
     campaign = campaign_of(api, folder, truth)
     file = folder / "setup_1.npz"
@@ -131,6 +135,21 @@ def test_a_recording_becomes_modes_and_an_update(api: httpx.Client, sent: Sent) 
     assert modes["excitation"] == found["result"]["excitation"] == "unmeasured"
     assert modes["details"]["harmonics_hz"] == []
     require_modes(modes, truth)
+
+    # spectra go out as arrays and as UFF, and are drawn with the modes
+    address = f"recordings/{recording['id']}/spectra"
+    with np.load(io.BytesIO(api.get(address, params={"format": "npz"}).content)) as arrays:
+        auto, lines = arrays["auto"], arrays["frequency_hz"]
+    tmp_path.joinpath("s.uff").write_bytes(api.get(address, params={"format": "uff"}).content)
+    sets = [s for s in pyuff.UFF(str(tmp_path / "s.uff")).read_sets() if s["type"] == 58]
+    first = sets[0]
+    assert (first["func_type"], first["rsp_node"], first["rsp_dir"]) == (2, 33, 3)
+    np.testing.assert_allclose(np.real(first["data"]), auto[0], rtol=1e-12)
+    np.testing.assert_allclose(first["x"], lines)
+    assert {s["func_type"] for s in sets[1:]} == {2, 3}
+    drawn = ok(api.get(f"campaigns/{campaign}/figures/spectra"))
+    upright = [shape["x0"] for shape in drawn["layout"]["shapes"]]
+    np.testing.assert_allclose(upright, [mode["frequency_hz"] for mode in modes["modes"]])
 
     # an update takes frequencies, shapes and damping ratios, and says that no FRF was fitted
     started = api.post(f"campaigns/{campaign}/update-jobs", json={"seed": 1})

@@ -88,6 +88,9 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
         0
     ]["id"]
     both = {"joint": True, "jobs": [{"campaign_id": first}, {"campaign_id": second}]}
+    read = made(
+        f"{campaign}/imports", content=paper.uff_file(), headers=RAW, params={"filename": mark}
+    )
     return {
         "project_id": project,
         "search_id": made(
@@ -101,9 +104,8 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
         "frf_id": frf,
         "record_id": made(f"{campaign}/records", record())["items"][0]["id"],
         "mode_set_id": made(f"{campaign}/mode-sets", {"name": mark, "modes": MODES})["id"],
-        "import_id": made(
-            f"{campaign}/imports", content=paper.uff_file(), headers=RAW, params={"filename": mark}
-        )["id"],
+        "import_id": read["id"],
+        "recording_id": str(_recording(sessions, read, mark)),
         "model_id": made(
             f"structures/{structure}/model",
             content=b"*HEADING\n",
@@ -127,6 +129,24 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
         "number": "1",
         "name": "parameters",
     }
+
+
+def _recording(sessions: Sessions, read: dict[str, Any], mark: str) -> UUID:
+    table = Base.metadata.tables["recordings"]
+    row = {
+        "campaign_id": UUID(read["campaign_id"]),
+        "import_id": UUID(read["id"]),
+        "filename": mark,
+        "format": "npz",
+        "mapping": {"note": mark},
+        "sample_rate_hz": 256.0,
+        "samples": 4000,
+        "channels": [],
+        "file_sha256": bytes.fromhex(read["sha256"]),
+    }
+    with sessions.begin() as session:
+        made: UUID = session.execute(insert(table).values(row).returning(table.c.id)).scalar_one()
+        return made
 
 
 def _alarm(sessions: Sessions, monitor: str, campaign: str, mark: str) -> UUID:
@@ -204,6 +224,8 @@ read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/impor
 read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
 read    viewer  GET /campaigns/{campaign_id}/frfs, GET /campaigns/{campaign_id}/frfs/data, GET /frfs/{frf_id}
 read    viewer  GET /frfs/{frf_id}/data, GET /campaigns/{campaign_id}/records, GET /records/{record_id}
+read    viewer  GET /campaigns/{campaign_id}/recordings, GET /recordings/{recording_id}
+read    viewer  GET /recordings/{recording_id}/spectra
 read    viewer  GET /records/{record_id}/data, GET /campaigns/{campaign_id}/mode-sets, GET /mode-sets/{mode_set_id}
 
 jobs    editor  POST /campaigns/{campaign_id}/processings, POST /campaigns/{campaign_id}/identifications

@@ -336,6 +336,14 @@ def newest_stated(
     return {campaign: (key, at) for campaign, key, at in session.execute(query)}
 
 
+def newest_unmeasured(session: Session, campaign_id: UUID) -> ModeSet | None:
+    """The newest mode set of a campaign that was found in responses alone."""
+    query = select(ModeSet).where(
+        ModeSet.campaign_id == campaign_id, ModeSet.excitation == "unmeasured", *present(ModeSet)
+    )
+    return session.scalars(query.order_by(ModeSet.id.desc()).limit(1)).first()
+
+
 def identified_by(session: Session, job_ids: Sequence[UUID]) -> dict[UUID, UUID]:
     """The mode set that each of these jobs identified, by the job's key."""
     query = select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(job_ids))

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from uuid import UUID
 
+import numpy as np
 from sqlalchemy import ForeignKey, Index, LargeBinary, delete, func, select
 from sqlalchemy.dialects.postgresql import JSONB, insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
@@ -107,11 +108,10 @@ def load_recordings(
     for number, row in enumerate(recordings_of(session, campaign_id)):
         path = workspace / f"{number}.recording"
         write_original(session, row.file_sha256, path)
-        files.append(
-            RecordingFile(row.id, path, row.filename, row.format, row.mapping, row.samples)
-        )
-    stated = options.references
-    references = None if stated is None else tuple(Dof(d.point, d.direction) for d in stated)
+        stated = {name: getattr(row, name) for name in ("id", "filename", "format", "mapping")}
+        files.append(RecordingFile(**stated, path=path, samples=row.samples))
+    named = options.references
+    references = None if named is None else tuple(Dof(d.point, d.direction) for d in named)
     return ResponseInputs(tuple(files), references, options.lag_s) if files else None
 
 
@@ -198,6 +198,25 @@ def spectra_of_recording(session: Session, row: Recording) -> HalfSpectra:
             f" /campaigns/{row.campaign_id}/processings makes them"
         )
     return decoded(*stored)
+
+
+def write_npz(spectra: HalfSpectra, file: IO[bytes]) -> None:
+    """Write spectra as arrays: power spectra `auto` and `cross`, `half` spectra of the blocks."""
+    sensors = {
+        name: np.array([(dof.point, dof.direction) for dof in getattr(spectra, name)])
+        for name in ("responses", "references")
+    }
+    np.savez(
+        file,
+        frequency_hz=spectra.frequency_hz,
+        auto=spectra.autos,
+        cross=spectra.crosses,
+        half=spectra.blocks,
+        weights=spectra.weights,
+        window_rate_per_s=spectra.window_rate_per_s,
+        lag_s=spectra.lag_s,
+        **sensors,  # type: ignore[arg-type]  # names of arrays
+    )
 
 
 def describe_all(session: Session, rows: Sequence[Recording]) -> list[RecordingOut]:

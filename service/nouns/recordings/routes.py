@@ -1,9 +1,33 @@
-"""Routes of recordings of responses."""
+"""Routes of recordings of responses, and of their spectra."""
 
-from service.nouns.recordings.operations import describe_all, recording_for
+import itertools
+from collections.abc import Iterator
+from typing import IO, Annotated, Any
+from uuid import UUID
+
+import numpy as np
+from fastapi import Response
+from fastapi.responses import JSONResponse
+from sqlalchemy.orm import Session
+
+from fecore.frf import Dof
+from fecore.signal import HalfSpectra
+from modalbase.formats import uff
+from modalbase.formats.uff.write import encode
+from service.nouns.campaigns.operations import stored_points
+from service.nouns.recordings.operations import (
+    Recording,
+    describe_all,
+    recording_for,
+    spectra_of_recording,
+    write_npz,
+)
 from service.nouns.recordings.schemas import RecordingOut
-from service.platform.access import api_router
+from service.nouns.records.schemas import UNITS
+from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.access.nouns import NounRoutes
+from service.platform.web.downloads import spooled
+from service.platform.web.parameters import form_of
 
 router = api_router(tags=["recordings"])
 
@@ -15,3 +39,95 @@ nouns.listing(
 nouns.getting(
     "get_recording", "A recording of responses: its channels, and what its half spectra are."
 )
+
+MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "uff": "application/x-uff"}
+FILES: dict[int | str, dict[str, Any]] = {
+    200: {"content": {each: {} for each in MEDIA_TYPES.values()}, "description": "The spectra."}
+}
+AUTO, CROSS = 2, 3
+"""Types of functions of set 58."""
+
+
+@router.get("/recordings/{recording_id}/spectra", response_class=Response, responses=FILES)
+def get_recording_spectra(
+    recording_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff: sets 58 of the power spectra alone")],
+) -> Response:
+    """Power spectra of a recording, one-sided, of every sensor and of all with the references; as
+    npz with the half spectra of its blocks too, in which modes are found.
+    """
+    row = recording_for(session, user, recording_id)
+    spectra = spectra_of_recording(session, row)
+    if form == "json":
+        return JSONResponse(_as_json(spectra))
+    write = (
+        (lambda file: _write_uff(session, row, spectra, file))
+        if form == "uff"
+        else (lambda file: write_npz(spectra, file))
+    )
+    return spooled(write, MEDIA_TYPES[form], f"spectra.{form}", {"Vary": "Accept"})
+
+
+def _as_json(spectra: HalfSpectra) -> dict[str, Any]:
+    return {
+        "frequency_hz": spectra.frequency_hz.tolist(),
+        "unit": _unit(spectra),
+        "responses": [_sensor(dof) for dof in spectra.responses],
+        "references": [_sensor(dof) for dof in spectra.references],
+        "auto": spectra.autos.tolist(),
+        "cross": {"real": spectra.crosses.real.tolist(), "imag": spectra.crosses.imag.tolist()},
+        "singular_values": spectra.singular_values.tolist(),
+    }
+
+
+def _sensor(dof: Dof) -> dict[str, int]:
+    return {"point": dof.point, "direction": dof.direction}
+
+
+def _unit(spectra: HalfSpectra) -> str:
+    return f"({UNITS[spectra.quantity].replace('²', '^2')})^2/Hz"
+
+
+def _write_uff(session: Session, row: Recording, spectra: HalfSpectra, file: IO[bytes]) -> None:
+    """Write grid points, an auto spectrum of each sensor, and each cross spectrum."""
+    points: Iterator[uff.Content] = (
+        uff.GridPoint(label, xyz) for label, xyz in stored_points(session, row.campaign_id).items()
+    )
+    for block in encode(itertools.chain(points, _functions(row, spectra))):
+        file.write(block)
+
+
+def _functions(row: Recording, spectra: HalfSpectra) -> Iterator[uff.Function]:
+    lines = spectra.frequency_hz
+    axis = uff.Axis(float(lines[0]), 0.0, lines.size, lines)
+    for number, dof in enumerate(spectra.responses):
+        yield _function(row, spectra, axis, (dof, dof), spectra.autos[number])
+        for column, reference in enumerate(spectra.references):
+            if reference != dof:
+                cross = spectra.crosses[number, column]
+                yield _function(row, spectra, axis, (dof, reference), cross)
+
+
+def _function(
+    row: Recording,
+    spectra: HalfSpectra,
+    axis: uff.Axis,
+    pair: tuple[Dof, Dof],
+    values: np.ndarray[Any, Any],
+) -> uff.Function:
+    return uff.Function(
+        dataset=0,
+        label=row.filename,
+        id_lines=(row.filename, "NONE", "NONE", "NONE", "NONE"),
+        function_type=AUTO if pair[0] == pair[1] else CROSS,
+        response_point=pair[0].point,
+        response_direction=pair[0].direction,
+        reference_point=pair[1].point,
+        reference_direction=pair[1].direction,
+        abscissa=axis,
+        abscissa_unit="Hz",
+        values=values,
+        unit=_unit(spectra),
+    )

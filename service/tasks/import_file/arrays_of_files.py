@@ -8,7 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from fecore.errors import InputError
 from fecore.frf import Quantity
@@ -43,7 +43,7 @@ from service.tasks.import_file.recordings import (
     proposed_recording,
 )
 from service.tasks.import_file.responses import (
-    FoundRecording,
+    ReadRecording,
     are_responses,
     proposal_of,
     proposed_responses,
@@ -79,7 +79,7 @@ class FileDescription:
 
 def read_arrays(
     inputs: ReadingInputs, form: str
-) -> Iterator[FileDescription | TimeBlock | EncodedFrf | FoundRecording]:
+) -> Iterator[FileDescription | TimeBlock | EncodedFrf | ReadRecording]:
     """What a file is, then its time blocks or FRFs, or the recording of responses that it is.
 
     Without a mapping where one is needed, a dry run ends after what the file is.
@@ -109,20 +109,7 @@ def read_arrays(
     if "frfs" not in row.takes:
         require_taken(inputs, form, kind)
     if row.recording and inputs.mapping is None:
-        file = _faults_as(_dotted, lambda: recording_of(inputs.path, form))
-        if not inputs.dry_run:
-            why = (
-                f"is missing: a {form} holds a recording of hits, or one hit; the file has"
-                f" {', '.join(file.names)}"
-            )
-            raise Invalid(_dotted("mapping.recording"), why)
-        shapes = _faults_as(_dotted, lambda: looked_at(file, together=row.fixed_rate))
-        proposed = propose_recording(file.names, file.units)
-        of_responses = proposed_responses(file, file.names, None)
-        known: Kind = "responses" if of_responses and of_responses[1] else "hits"
-        if of_responses and known == "responses":
-            proposed = of_responses[0]
-        yield FileDescription(form, known, shapes, proposed, notes=_starts(file))
+        yield _without_mapping(inputs, form)
         return
     if row.recording and not row.arrays:
         yield from _single_hits(inputs, form)
@@ -151,9 +138,30 @@ def read_arrays(
         yield from _hits(inputs, form, variables, units_in(variables, texts), notes)
 
 
+def _without_mapping(inputs: ReadingInputs, form: str) -> FileDescription:
+    """What a recording is whose mapping a dry run proposes.
+
+    Raises:
+        Invalid: it is no dry run.
+    """
+    file = _faults_as(_dotted, lambda: recording_of(inputs.path, form))
+    if not inputs.dry_run:
+        why = (
+            f"is missing: a {form} holds a recording of hits or of responses, or one hit; the file"
+            f" has {', '.join(file.names)}"
+        )
+        raise Invalid(_dotted("mapping.recording"), why)
+    shapes = _faults_as(_dotted, lambda: looked_at(file, together=FORMATS[form].fixed_rate))
+    known, proposed = "hits", propose_recording(file.names, file.units)
+    of_responses = proposed_responses(file, file.names, None)
+    if of_responses is not None and of_responses[1]:
+        known, proposed = "responses", of_responses[0]
+    return FileDescription(form, cast("Kind", known), shapes, proposed, notes=_starts(file))
+
+
 def responses_of(
     inputs: ReadingInputs, form: str, *, complete: bool = False
-) -> Iterator[FileDescription | FoundRecording]:
+) -> Iterator[FileDescription | ReadRecording]:
     """A recording of responses alone; without a mapping, which a dry run proposes, what its channels
     are.
 
@@ -180,13 +188,13 @@ def responses_of(
             form, "responses", file.shapes(), proposed, table=table, notes=_starts(file)
         )
         return
-    found, own, notes = _faults_as(
+    recording, own, notes = _faults_as(
         _dotted, lambda: read_responses(inputs.path, stated, form, limit)
     )
     yield FileDescription(
         form, "responses", own.file.shapes(), stated, table=table_of(own.file), notes=notes
     )
-    yield found
+    yield recording
 
 
 def require_taken(inputs: ReadingInputs, form: str, kind: Kind | None) -> None:

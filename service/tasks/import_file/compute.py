@@ -32,7 +32,7 @@ from service.tasks.import_file.arrays_of_files import (
     responses_of,
 )
 from service.tasks.import_file.recordings import recording_in_uff, responses_in_uff
-from service.tasks.import_file.responses import FoundRecording, are_responses, proposal_of
+from service.tasks.import_file.responses import ReadRecording, are_responses, proposal_of
 
 if TYPE_CHECKING:
     from service.platform.queue.kinds import Reporter
@@ -48,7 +48,7 @@ Kept = (
     | uff.Function
     | uff.TimeResponse
     | TimeBlock
-    | FoundRecording
+    | ReadRecording
     | uff.ModeShape
     | uff.TraceLine
     | uff.DatasetReport
@@ -155,19 +155,26 @@ def _read_uff(inputs: ReadingInputs, report: Reporter, *, responses: bool) -> It
             raise Invalid(
                 "quantity", f"is {inputs.quantity}, and the file has no FRF; leave it out"
             )
-        if inputs.dry_run and (found := responses_in_uff(inputs.path, channels)) is not None:
-            yield FileDescription("uff", "responses", found.shapes(), proposal_of(found))
-            return
-        if (recording := recording_in_uff(inputs.path, channels)) is not None:
-            if not inputs.dry_run:
-                why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"
-                raise Invalid("/mapping/recording", why)
-            blocks, proposed = recording
-            yield FileDescription(
-                "uff", "hits", {name: described(array) for name, array in blocks.items()}, proposed
-            )
+        yield from _as_recording(inputs, channels)
     except uff.UffError as error:
         raise InputError("file", f"{error.reason} (byte {error.offset})") from error
+
+
+def _as_recording(inputs: ReadingInputs, channels: Counter[str]) -> Iterator[FileDescription]:
+    """What the time blocks of a file are where they are no single hits, and a mapping.
+
+    Raises:
+        Invalid: they are a recording of several hits, and nothing states it.
+    """
+    if inputs.dry_run and (file := responses_in_uff(inputs.path, channels)) is not None:
+        yield FileDescription("uff", "responses", file.shapes(), proposal_of(file))
+    elif (recording := recording_in_uff(inputs.path, channels)) is not None:
+        if not inputs.dry_run:
+            why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"
+            raise Invalid("/mapping/recording", why)
+        blocks, proposed = recording
+        arrays = {name: described(array) for name, array in blocks.items()}
+        yield FileDescription("uff", "hits", arrays, proposed)
 
 
 def _encoded(frf: uff.Frf, stated: Quantity | None) -> EncodedFrf:

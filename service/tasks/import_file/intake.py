@@ -44,7 +44,7 @@ from service.nouns.structures.operations import present_structure
 from service.platform.errors import Conflict, Invalid, PayloadTooLarge
 from service.tasks.import_file.arrays_of_files import FileDescription
 from service.tasks.import_file.compute import Kept
-from service.tasks.import_file.responses import FoundRecording
+from service.tasks.import_file.responses import ReadRecording
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single
@@ -87,7 +87,7 @@ class Intake:
         self.lines: list[TraceLine] = []
         self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0, "recordings": 0}
         self.records = records
-        self.recordings: list[FoundRecording] = []
+        self.recordings: list[ReadRecording] = []
         self.blocks: set[int] = set()
         self.unused: dict[int, str] = {}
         self.file_bytes = file_bytes
@@ -108,7 +108,7 @@ class Intake:
         elif isinstance(item, TimeBlock):
             self.records.hold(item)
             self.counts["records"] += 1
-        elif isinstance(item, FoundRecording):
+        elif isinstance(item, ReadRecording):
             self.recordings.append(item)
             self.counts["recordings"] += 1
         elif isinstance(item, Function):
@@ -227,8 +227,8 @@ class Intake:
     def _write_recordings(self) -> None:
         own = {name: getattr(self.row, name) for name in ("campaign_id", "filename")}
         own |= {"import_id": self.row.id, "file_sha256": self.row.sha256}
-        for found in () if self.row.dry_run else self.recordings:
-            store_recording(self.session, **own, **vars(found))
+        for each in () if self.row.dry_run else self.recordings:
+            store_recording(self.session, **own, **vars(each))
 
     def _write_points(self) -> None:
         if self.new_points and not self.row.dry_run:

@@ -186,8 +186,7 @@ def channels_of(
         placed = [_placed(channel, stated.order[0]) for channel in document["channels"]]
         document = {**document, "channels": placed}
     own = mapped_channels(path, document, form, limit_bytes)
-    mapped = tuple(sorted(own.mapped, key=lambda c: c.quantity != "force"))
-    return Channels(own.file, own.sample_rate_hz, mapped, stated)
+    return Channels(own.file, own.sample_rate_hz, own.mapped, stated)
 
 
 def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dict[str, Any]] | None:

@@ -26,7 +26,7 @@ _FEWEST = 2560  # samples of a recording of responses
 
 
 @dataclass(frozen=True)
-class FoundRecording:
+class ReadRecording:
     """A recording of responses, on its way to the database; its samples stay in the original."""
 
     format: str  # of the file
@@ -53,7 +53,7 @@ def are_responses(mapping: Any, kind: str | None) -> bool:
 
 def read_responses(
     path: Path, mapping: dict[str, Any], form: str, limit_bytes: int | None
-) -> tuple[FoundRecording, MappedChannels, list[str]]:
+) -> tuple[ReadRecording, MappedChannels, list[str]]:
     """A recording as a mapping describes it, its channels, and what was noticed.
 
     1. Mapping: which channel is what.
@@ -73,7 +73,7 @@ def read_responses(
     own = mapped_channels(path, mapping, form, limit_bytes, forced=False)
     # 2. Samples.
     samples, notes = _checked(own)
-    found = FoundRecording(
+    recording = ReadRecording(
         form,
         mapping,
         own.sample_rate_hz,
@@ -81,14 +81,15 @@ def read_responses(
         [_described(own, k) for k in range(len(own.mapped))],
     )
     loads = f"no channel is a force: loads that nobody measured moved the {len(own.names)} sensors"
-    return found, own, [loads, *own.file.notes(own.names), *notes]
+    return recording, own, [loads, *own.file.notes(own.names), *notes]
 
 
 def _described(own: MappedChannels, row: int) -> dict[str, Any]:
-    said = asdict(own.mapped[row])
+    channel = asdict(own.mapped[row])
     names = ("variable", "quantity", "sensitivity")
-    place = {name: int(said[name]) for name in ("point", "direction")}
-    return {**{name: said[name] for name in names}, **place, "full_scale": own.full_scales[row]}
+    place = {name: int(channel[name]) for name in ("point", "direction")}
+    known = {name: channel[name] for name in names}
+    return {**known, **place, "full_scale": own.full_scales[row]}
 
 
 def _checked(own: MappedChannels) -> tuple[int, list[str]]:

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof, along_z
-from fecore.signal.half_spectra import half_spectra, needed_s
+from fecore.signal.half_spectra import Motion, half_spectra, needed_s
 
 RATE, TWO = 50.0, along_z((1, 2))
 
@@ -66,6 +66,36 @@ def test_a_sine_has_its_kurtosis_and_a_random_response_has_none() -> None:
     sd = 2 / np.sqrt(3 * 150 / 1.056)
     assert abs(others.mean()) < 4 * sd / np.sqrt(others.size)
     assert np.std(others) == pytest.approx(sd, rel=0.3)
+
+
+def test_power_spectra_are_the_variance_over_frequency(ringing: FloatArray) -> None:
+    found = half_spectra(lambda: [ringing], RATE, TWO, references=TWO[:1], lag_s=4.0)
+    # beyond the last line, RATE / 2.56, lies little of it; a Hann segment's variance is 1 % off
+    assert found.autos[0].sum() * 0.25 == pytest.approx(ringing[0].var(), rel=0.03)
+    np.testing.assert_allclose(found.crosses[1, 0], found.autos[0] / 2, rtol=1e-9)
+    top = found.singular_values[0]
+    np.testing.assert_allclose(top, np.hypot(found.autos[0], found.crosses[1, 0].real), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("quantity", "power"), [("velocity", 1), ("displacement", 2)])
+def test_sensors_of_a_lower_derivative_are_taken_to_the_highest(
+    ringing: FloatArray, quantity: Motion, power: int
+) -> None:
+    spectrum = np.fft.rfft(ringing[0])
+    omega = 2 * np.pi * np.fft.rfftfreq(ringing.shape[1], 1 / RATE)
+    lower = np.fft.irfft(spectrum / np.maximum(1j * omega, 2j * np.pi) ** power)
+    x = np.stack([ringing[0], lower])
+    quantities: tuple[Motion, Motion] = ("acceleration", quantity)
+    found = half_spectra(lambda: [x], RATE, TWO, lag_s=4.0, quantities=quantities)
+    assert (found.quantity, found.references) == ("acceleration", TWO[:1])
+    # about the resonance at 7.2 Hz; the rest holds constants of round-off and of central differences
+    near = abs(found.frequency_hz - 7.2) < 1.5
+    np.testing.assert_allclose(
+        found.mean[1, 0, near], found.mean[0, 0, near], atol=0.03 * abs(found.mean[0, 0]).max()
+    )
+    np.testing.assert_allclose(found.crosses[1, 0, near], found.autos[0, near], rtol=0.03)
+    with pytest.raises(InputError, match=f"references: measure a {quantity} beside acceleration"):
+        half_spectra(lambda: [x], RATE, TWO, TWO[1:], lag_s=4.0, quantities=quantities)
 
 
 def test_the_length_that_a_mode_needs_is_the_rule_of_thumb() -> None:
