@@ -20,6 +20,7 @@ def page() -> str:
         "suffixes",
         "stated with FRFs",
         "stated with hits",
+        "stated with responses",
         "FRFs written as",
         "needs",
     ]
@@ -34,7 +35,7 @@ def _row(row: Format) -> list[str]:
         _code(row.every_suffix),
         *(
             "–" if kind not in row.takes else _code(row.takes[kind]) or "nothing"
-            for kind in ("frfs", "hits")
+            for kind in ("frfs", "hits", "responses")
         ),
         _code(writer.name for writer in row.writers),
         ", ".join(

@@ -119,7 +119,21 @@ def _long() -> dict[str, Any]:
     return {"Inputs": Any, "Reporter": Any, "Output": Any, "Chain": _Chain}
 
 
+def _responses() -> dict[str, Any]:
+    """Five minutes of three sensors on a deck in the wind, and the file of them."""
+    rng, rate = np.random.default_rng(1), 50.0
+    time = np.arange(15_000) / rate
+    x = 0.05 * rng.standard_normal((3, time.size))
+    for hz, shape in ((3.0, (1.0, 0.6, -0.4)), (8.0, (0.8, -0.7, 1.0))):
+        decay = np.exp(-0.1 * np.pi * hz * time[:600]) * np.cos(2 * np.pi * hz * time[:600])
+        x += np.outer(shape, np.convolve(rng.standard_normal(time.size), decay)[: time.size])
+    channels = {f"a_{point}": row for point, row in zip((11, 22, 33), x, strict=True)}
+    np.savez("deck.npz", time_s=time, **channels)
+    return {"recording": x, "rate": rate}
+
+
 AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
+    "docs/ambient.md": _responses,
     "docs/coupons.md": _coupon,
     "docs/hammer.md": _hits,
     "docs/modes.md": _measured,
