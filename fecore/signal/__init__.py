@@ -14,6 +14,8 @@ frf_scale                       whether FRFs fit the mass and stiffness of a str
 points                          hits as a person beside the hammer sees them
 document                        what a processing is asked, and what it answers
 process                         all of it, point by point
+block_spectra                   spectra of a recording with their scatter over its blocks
+measured_loads                  any measured load, to FRFs
 half_spectra, setups            responses to loads that nobody measured; several such recordings
 """
 

@@ -12,68 +12,55 @@ Eng. 19, 2012)
     S⁺(ω) = Σ_n φ_n g_nᵀ/(iω + β - λ_n) + conj.:
 
 the residue is of rank one and not symmetric, and the poles decay faster by β. At the lines
-ω_k = 2πk/(LΔt) the cut at L changes residues alone, as e^{-iω_k LΔt} = 1. All lines and pairs share the same
-few blocks, so their errors are correlated: the spectra of blocks are kept, in at most 40 groups.
-Loads come in gusts, and the half spectrum of a gust is larger, not better: each block is taken in
-its own power, in that of the whole recording where it is calm.
+ω_k = 2πk/(LΔt) the cut at L changes residues alone, as e^{-iω_k LΔt} = 1. Loads come in gusts, and
+the half spectrum of a gust is larger, not better: each block is taken in its own power, in that of
+the whole recording where it is calm.
 
 Where some sensors measure a velocity or displacement beside accelerations, they are taken to the
 highest derivative, R_ẋy = dR_xy/dτ: in half spectra
 
     ∫ w Ṙ e^{-iωτ} dτ = (iω + β) S⁺ + w(L)R(L) - R(0).
-
-A recording comes in chunks, and memory does not grow with its samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import scipy
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
+from fecore.signal.block_spectra import (
+    BAND,
+    BLOCKS,
+    LEFT,
+    MOST_LAGS,
+    BlockSpectra,
+    Chunks,
+    Groups,
+    Motion,
+    channel_of,
+    highest_of,
+    segments,
+    survey,
+)
 
-BLOCKS = 20
-"""Disjoint blocks that a recording is cut into at least, and groups of blocks that are kept at
-least where there are more.
-"""
-
-LEFT = 0.05
-"""The window at the last lag, and what is left there of the correlation of the slowest mode."""
-
-BAND = 1 / 2.56
-"""Share of the sampling rate up to which lines are kept, as analysers do: filters begin there."""
-
-Motion = Literal["displacement", "velocity", "acceleration"]
-"""What a sensor of a response measures."""
-
-DERIVATIVE: dict[Motion, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
-
-_UNSTATED: Motion = "acceleration"
-_FEWEST_LAGS, _MOST_LAGS = 64, 8192  # of half spectra: some 25 to 3200 lines
+_FEWEST_LAGS = 64  # of half spectra: some 25 lines
 _MOST_REFERENCES = 4  # that are chosen; more add work and little else
 _CALM = 0.05  # of the usual power, below which a block counts less, as its noise does not
 _EXPLAINED = 0.98  # of the responses, from where no other reference is taken
 
 
 @dataclass(frozen=True)
-class HalfSpectra:
-    """Half spectra of one recording: N responses to R of them, which are references."""
+class HalfSpectra(BlockSpectra):
+    """Half spectra of one recording: N responses to R of them, which are references.
 
-    frequency_hz: FloatArray  # (L,) lines, without 0 Hz
-    # (G, N, R, L) mean of the blocks of each group, (unit of x)²/Hz in the power of the recording
-    blocks: ComplexArray
-    weights: FloatArray  # (G,) share of each group in the recording
-    responses: tuple[Dof, ...]  # N
-    references: tuple[Dof, ...]  # R
-    window_rate_per_s: float  # β
-    lag_s: float  # L Δt
-    length_s: float  # of what was used of the recording
+    (unit of x)²/Hz, each block in the power of the recording.
+    """
+
     # (L,) spectral kurtosis of the responses, 0 for random ones and -1 for a steady sine
     kurtosis: FloatArray
     # (N, L) and (N, R, L) one-sided power spectra of the responses, and of them with the references
@@ -88,12 +75,6 @@ class HalfSpectra:
         largest first: about each mode one rises from the others.
         """
         return np.linalg.svd(self.crosses.transpose(2, 0, 1), compute_uv=False).T
-
-    @property
-    def mean(self) -> ComplexArray:
-        """(N, R, L) half spectra of the whole recording."""
-        whole: ComplexArray = np.einsum("g,gnrl->nrl", self.weights, self.blocks)
-        return whole
 
     def frfs(self, setup: int = 0) -> FrfSet:
         """As mobilities, pair by pair: correlations of accelerations begin at their largest, as the
@@ -121,9 +102,6 @@ def column_of(reference: Dof, setup: int) -> Dof:
 
 
 _COLUMNS = 10**10  # above all labels of points
-
-Chunks = Callable[[], Iterable[FloatArray]]
-"""Gives the (N, n) parts of a recording in their order, as often as it is called."""
 
 
 def half_spectra(
@@ -156,10 +134,8 @@ def half_spectra(
             is none of its channels.
     """
     # 1. Length.
-    measured = (_UNSTATED,) * len(responses) if quantities is None else quantities
-    highest = max(measured, key=DERIVATIVE.__getitem__)
-    below = np.array([DERIVATIVE[highest] - DERIVATIVE[each] for each in measured])
-    length, variance = _length(chunks(), len(responses))
+    highest, below = highest_of(quantities, len(responses))
+    length, variance = survey(chunks(), len(responses))
     lags = _lags(length, sample_rate_hz, lag_s)
     # 2. References.
     rows = (
@@ -167,14 +143,15 @@ def half_spectra(
         if references is None
         else _rows_of(references, responses)
     )
-    if any(below[row] for row in rows):
-        raise InputError(
-            "references",
-            f"measure a {measured[rows[int(np.argmax(below[rows]))]]} beside {highest};"
-            f" expected sensors of {highest}",
-        )
+    for row in rows:
+        if below[row]:
+            raise InputError(
+                "references",
+                f"the sensor of point {responses[row].point} measures less than the {highest} of"
+                f" others; expected sensors of {highest}",
+            )
     # 3. Groups.
-    groups = _Groups.of(chunks(), lags, rows, variance)
+    groups = _Sums.of(chunks(), lags, rows, variance)
     # 4. Half spectra.
     line = scipy.fft.rfftfreq(lags, 1 / sample_rate_hz)
     keep = (line > 0) & (line <= BAND * sample_rate_hz)
@@ -215,38 +192,9 @@ def needed_s(frequency_hz: float, damping_ratio: float) -> float:
     return float(2 * BLOCKS * -np.log(LEFT) / (2 * np.pi * frequency_hz * damping_ratio))
 
 
-def _length(chunks: Iterable[FloatArray], channels: int) -> tuple[int, FloatArray]:
-    """Number of samples, and (N,) variances; raises InputError where a sample is not finite, or a
-    channel is constant.
-    """
-    length, sums = 0, np.zeros((2, channels))
-    low, high = np.full(channels, np.inf), np.full(channels, -np.inf)
-    for chunk in chunks:
-        if chunk.shape[0] != channels:
-            raise InputError("recording", f"has {chunk.shape[0]} channels, expected {channels}")
-        if not np.isfinite(chunk).all():
-            row, at = np.argwhere(~np.isfinite(chunk))[0]
-            raise InputError(
-                "recording",
-                f"channel {row + 1} holds NaN or infinity at sample {length + at + 1}",
-            )
-        length += chunk.shape[1]
-        sums += np.stack(
-            [chunk.sum(axis=1, dtype=float), np.square(chunk).sum(axis=1, dtype=float)]
-        )
-        low, high = np.minimum(low, chunk.min(axis=1)), np.maximum(high, chunk.max(axis=1))
-    if length and (constant := np.flatnonzero(low == high)).size:
-        raise InputError(
-            "recording",
-            f"channel {constant[0] + 1} is {low[constant[0]]:g} throughout: it carried nothing",
-        )
-    mean, square = sums / max(length, 1)
-    return length, square - mean**2
-
-
 def _lags(length: int, sample_rate_hz: float, stated_s: float | None) -> int:
     most = length // (2 * BLOCKS)
-    lags = min(most, _MOST_LAGS) if stated_s is None else round(stated_s * sample_rate_hz)
+    lags = min(most, MOST_LAGS) if stated_s is None else round(stated_s * sample_rate_hz)
     if most < _FEWEST_LAGS:
         least = 2 * BLOCKS * _FEWEST_LAGS / sample_rate_hz
         raise InputError(
@@ -264,33 +212,20 @@ def _lags(length: int, sample_rate_hz: float, stated_s: float | None) -> int:
 
 
 def _rows_of(references: Sequence[Dof], responses: Sequence[Dof]) -> list[int]:
-    rows = []
-    for dof in references:
-        if dof not in responses:
-            raise InputError(
-                "references", f"point {dof.point} along {dof.direction} is no channel of these"
-            )
-        rows.append(responses.index(dof))
-    return rows
+    return [channel_of(dof, responses, "references") for dof in references]
 
 
-def _blocks(chunks: Iterable[FloatArray], size: int) -> Iterator[FloatArray]:
-    """(N, size) disjoint blocks, without their linear trends; the rest of the recording is left."""
-    held: FloatArray = np.empty((0, 0))
+def _straight(chunks: Iterable[FloatArray], size: int) -> Iterator[FloatArray]:
+    """(N, size) disjoint blocks, without their linear trends."""
     ramp = np.linspace(-1, 1, size)
     ramp /= np.linalg.norm(ramp)
-    for chunk in chunks:
-        held = np.concatenate((held, chunk), axis=1) if held.size else chunk
-        whole = held.shape[1] // size * size
-        for at in range(0, whole, size):
-            block = np.asarray(held[:, at : at + size], dtype=np.float64)
-            block = block - block.mean(axis=1, keepdims=True)
-            yield block - np.outer(block @ ramp, ramp)
-        held = held[:, whole:]
+    for segment in segments(chunks, size):
+        block = segment - segment.mean(axis=1, keepdims=True)
+        yield block - np.outer(block @ ramp, ramp)
 
 
 def _transformed(
-    correlations: FloatArray, lags: int, rate: float, below: FloatArray
+    correlations: FloatArray, lags: int, rate: float, below: IntArray
 ) -> ComplexArray:
     """(N, R, K) half spectra at all lines, those of a channel below the highest derivative taken to
     it.
@@ -321,7 +256,7 @@ def _transformed(
 
 
 def _choose(
-    chunks: Iterable[FloatArray], lags: int, below: FloatArray, among: list[int]
+    chunks: Iterable[FloatArray], lags: int, below: IntArray, among: list[int]
 ) -> list[int]:
     """Channels that show what all show: a pivoted Cholesky decomposition of the spectra, each line
     of which counts alike, so that a weak mode asks for its channel too.
@@ -332,7 +267,7 @@ def _choose(
         below: (N,) how many derivatives each channel lies below the highest.
         among: channels that are chosen from, of which the highest derivatives are.
     """
-    total = sum(_share(block, below) for block in _blocks(chunks, 2 * lags))
+    total = sum(_share(block, below) for block in _straight(chunks, 2 * lags))
     left = np.array(total) / np.trace(total)
     free = [row for row in among if not below[row]]
     if not free:
@@ -347,7 +282,7 @@ def _choose(
     return rows
 
 
-def _share(block: FloatArray, below: FloatArray) -> FloatArray:
+def _share(block: FloatArray, below: IntArray) -> FloatArray:
     """(N, N) real parts of the spectra of a block, each line in its own power."""
     spectrum = scipy.fft.rfft(block, axis=1)[:, 1 : int(BAND * block.shape[1])]
     if below.any():
@@ -358,7 +293,7 @@ def _share(block: FloatArray, below: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class _Groups:
+class _Sums:
     """Sums over the blocks of each group, and over all segments of a lag's length."""
 
     correlations: FloatArray  # (G, N, R, L + 3) Σ_t x_i(t + τ) x_j(t) of blocks, from lag -1 on
@@ -369,35 +304,20 @@ class _Groups:
     @classmethod
     def of(
         cls, chunks: Iterable[FloatArray], lags: int, rows: list[int], variance: FloatArray
-    ) -> _Groups:
+    ) -> _Sums:
         padded = scipy.fft.next_fast_len(3 * lags + 2, real=True)
         padded += padded % 2
-        sums, counts = list[FloatArray](), list[int]()
+        groups = Groups(lambda cross: _correlated(cross, lags))
         powers, crosses = np.zeros(()), np.zeros((), dtype=complex)
-        size, cross = (
-            1,
-            np.zeros((), dtype=complex),
-        )  # blocks of a full group, and the spectra of the open one
-        for block in _blocks(chunks, 2 * lags):
+        for block in _straight(chunks, 2 * lags):
             power = np.mean(block.var(axis=1) / variance)
             spectrum = scipy.fft.rfft(block / np.sqrt(max(power, _CALM)), padded, axis=1)
-            if not counts or counts[-1] == size:
-                if len(counts) == 2 * BLOCKS:
-                    sums = [a + b for a, b in zip(sums[::2], sums[1::2], strict=True)]
-                    counts, size = [2 * size] * BLOCKS, 2 * size
-                cross = np.zeros((), dtype=complex)
-                counts.append(0)
-            cross = cross + spectrum[:, None] * spectrum[rows].conj()
-            counts[-1] += 1
-            if counts[-1] == size:
-                sums.append(_correlated(cross, lags))
-            segments = _segments(block, lags)
-            power = np.abs(segments) ** 2
-            powers = powers + np.stack([power.sum(axis=0), (power**2).sum(axis=0)])
-            crosses = crosses + np.einsum("snk,srk->nrk", segments, segments[:, rows].conj())
-        if len(sums) < len(counts):
-            sums.append(_correlated(cross, lags))
-        return cls(np.array(sums), np.array(counts, dtype=float), powers, crosses)
+            groups.add(spectrum[:, None] * spectrum[rows].conj())
+            parts = _segments(block, lags)
+            square = np.abs(parts) ** 2
+            powers = powers + np.stack([square.sum(axis=0), (square**2).sum(axis=0)])
+            crosses = crosses + np.einsum("snk,srk->nrk", parts, parts[:, rows].conj())
+        return cls(*groups.done(), powers, crosses)
 
     def kurtosis(self, scale: FloatArray) -> FloatArray:
         """(K,) spectral kurtosis E|Y|⁴/(E|Y|²)² - 2 (Antoni, Mech. Syst. Signal Process. 20, 2006),

@@ -6,14 +6,8 @@ from dataclasses import dataclass
 
 from fecore.errors import InputError
 from fecore.frf import Dof
-from fecore.signal.half_spectra import (
-    DERIVATIVE,
-    Chunks,
-    HalfSpectra,
-    Motion,
-    half_spectra,
-    longest_lag_s,
-)
+from fecore.signal.block_spectra import DERIVATIVE, Chunks, Motion
+from fecore.signal.half_spectra import HalfSpectra, half_spectra, longest_lag_s
 
 _MOST_COMMON = 4  # references in common that are all taken
 

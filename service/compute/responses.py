@@ -16,7 +16,7 @@ from fecore.arrays import FloatArray
 from fecore.errors import within
 from fecore.frf import Dof
 from fecore.signal import HalfSpectra, ResponseRecording, spectra_of_setups
-from fecore.signal.half_spectra import Motion
+from fecore.signal.block_spectra import Motion
 from service.compute.recordings import MappedChannels, dof_of, limit_of, mapped_channels
 from service.platform.errors import verified
 

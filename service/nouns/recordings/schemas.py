@@ -6,7 +6,7 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.signal.half_spectra import Motion
+from fecore.signal.block_spectra import Motion
 from service.platform.web import StrictModel
 
 

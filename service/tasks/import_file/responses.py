@@ -13,7 +13,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
-from fecore.signal.half_spectra import Motion, longest_lag_s
+from fecore.signal.block_spectra import Motion
+from fecore.signal.half_spectra import longest_lag_s
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import propose_recording
 from modalbase.formats.records.recording import AnyRecording
