@@ -36,6 +36,7 @@ from fecore.modal.identify import Options, Report, identify
 from fecore.modal.result import Identification, IdentifiedPoles
 from fecore.modal.series import columns, derivatives, slope_parts, stacked
 from fecore.modes import MeasuredModes
+from fecore.signal.block_spectra import BlockSpectra
 from fecore.signal.half_spectra import HalfSpectra, column_of, needed_s
 
 _NEARER_A_SINE = -0.5  # spectral kurtosis
@@ -158,7 +159,7 @@ def _check(setups: Sequence[HalfSpectra]) -> None:
         left = [each for each in left if each not in joined]
 
 
-def scatter_of_blocks(identification: Identification, setups: Sequence[HalfSpectra]) -> FloatArray:
+def scatter_of_blocks(identification: Identification, setups: Sequence[BlockSpectra]) -> FloatArray:
     """(2m, 2m) covariance of f in Hz and ζ of the m poles found, with the window's rate: of the
     blocks, and of the drift between setups.
     """
@@ -214,7 +215,7 @@ def _drift_variance(information: FloatArray, missed: FloatArray, own: list[int])
 
 
 def _deviations(
-    identification: Identification, setups: Sequence[HalfSpectra]
+    identification: Identification, setups: Sequence[BlockSpectra]
 ) -> list[tuple[int, slice, ComplexArray]]:
     """Of each pair of the fit, its setup, the places of that one's groups of blocks among all, and
     (G, L) what their spectra differ by from the mean.
@@ -229,7 +230,7 @@ def _deviations(
     return [pairs[k] for k in identification.rows]
 
 
-def _factors(setup: HalfSpectra, frequency_hz: FloatArray) -> FloatArray:
+def _factors(setup: BlockSpectra, frequency_hz: FloatArray) -> FloatArray:
     """(m, G) of a mode's change by each group: its weight, the jackknife's 1/(1 - h) with h the
     share of the group in the power at the mode, and what takes the normal deviate to Student's with
     1/Σh² - 1 degrees of freedom.

@@ -25,6 +25,7 @@ from fecore.signal.estimators import Estimate, Estimator, estimate
 from fecore.signal.frf_scale import Strip
 from fecore.signal.half_spectra import HalfSpectra, half_spectra
 from fecore.signal.judgement import FALSE_DISCOVERY, HitVerdict
+from fecore.signal.measured_loads import LoadFrfs, frfs_of_loads
 from fecore.signal.points import EachHit, Inspection, each_hit, inspect
 from fecore.signal.process import Shelf, process, process_in_parts
 from fecore.signal.reasons import HitFinding
@@ -46,6 +47,7 @@ __all__ = [
     "HitFinding",
     "HitVerdict",
     "Inspection",
+    "LoadFrfs",
     "Processed",
     "Processing",
     "ResponseRecording",
@@ -56,6 +58,7 @@ __all__ = [
     "by_point",
     "each_hit",
     "estimate",
+    "frfs_of_loads",
     "half_spectra",
     "inspect",
     "process",

@@ -224,9 +224,7 @@ def _straight(chunks: Iterable[FloatArray], size: int) -> Iterator[FloatArray]:
         yield block - np.outer(block @ ramp, ramp)
 
 
-def _transformed(
-    correlations: FloatArray, lags: int, rate: float, below: IntArray
-) -> ComplexArray:
+def _transformed(correlations: FloatArray, lags: int, rate: float, below: IntArray) -> ComplexArray:
     """(N, R, K) half spectra at all lines, those of a channel below the highest derivative taken to
     it.
 
