@@ -195,7 +195,6 @@ def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",
         delivery_pause_seconds=0.05,
-        monitor_sweep_seconds=2.0,
         campaign_settle_seconds=0.0,
     ) as running:
         yield running

@@ -128,7 +128,7 @@ def test_an_end_does_not_take_away_what_is_typed(running: Browser, service: Loca
 def test_runs_of_a_monitor_show_themselves(running: Browser, service: LocalService) -> None:
     key = service.new_key("watcher of runs")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        lab = Lab(api, runs_on="hand")
+        lab = Lab(service, api, runs_on="hand")
         for number in (0, 1):
             lab.campaign(number)
         page = signed_in(seen, key, "/ui/")
