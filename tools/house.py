@@ -1,4 +1,5 @@
-"""Count the house: rooms at the top of `service`, circles of imports, lines of files and functions.
+"""Count the house: rooms at the top of `service`, circles of imports, lines of files and functions,
+arguments by place.
 
 `python -m tools.house` prints the figures and ends with 1 where one is over its limit;
 `make check` runs it.
@@ -21,6 +22,7 @@ ROOMS = 10  # folders at the top of `service`
 # Docstrings and comments are not counted. A function whose docstring numbers its steps may be long: it reads
 # whole.
 FILE_LINES, FUNCTION_LINES, STEPS_LINES = 400, 60, 150
+MOST_BY_PLACE = 6  # arguments of a call; more go by name
 WIDTHS = {".html": 120, ".js": 100, ".css": 100}
 WIDE = 0.005  # share of lines that may be wider: addresses and strings that nothing breaks
 _STEPS = re.compile(r"^\s*1\. .*^\s*2\. ", re.MULTILINE | re.DOTALL)
@@ -53,6 +55,20 @@ def functions(path: Path, tree: ast.Module, code: list[int]) -> Iterator[tuple[s
                 lines,
                 STEPS_LINES if steps else FUNCTION_LINES,
             )
+
+
+def by_place(path: Path, tree: ast.Module) -> Iterator[str]:
+    """Calls with many arguments that have no names; a command line's words are a list, and stay
+    one.
+    """
+    for node in ast.walk(tree):
+        if (
+            isinstance(node, ast.Call)
+            and len(node.args) > MOST_BY_PLACE
+            and not any(isinstance(value, ast.Starred) for value in node.args)
+            and not isinstance(node.args[0], ast.Constant)
+        ):
+            yield f"{path}:{node.lineno}: {ast.unparse(node.func)} with {len(node.args)} arguments by place"
 
 
 def circle() -> list[str]:
@@ -92,6 +108,7 @@ def main() -> int:
         f"{path}: {n} lines, at most {FILE_LINES}" for path, n in lines.items() if n > FILE_LINES
     ]
     faults += [f"{name}: {n} lines, at most {most}" for name, n, most in sizes if n > most]
+    faults += [call for path, tree in trees.items() for call in by_place(path, tree)]
     faults += too_wide()
     if modules := circle():
         faults.append(f"modules import one another: {', '.join(modules)}")

@@ -25,28 +25,12 @@ from modalbase.client.rest import routes as calls
 from tests.support.places import ROOT
 from tools import reference
 
-MOST_BY_PLACE = 6
 PACKAGES = ("fecore", "modalbase", "service")
 
 
 @cache
 def parsed(package: str) -> list[tuple[Path, ast.Module]]:
     return [(path, ast.parse(path.read_text())) for path in sorted((ROOT / package).rglob("*.py"))]
-
-
-def test_many_arguments_go_by_name() -> None:
-    """Of classes and functions of ours; a command line's words are a list, and stay one."""
-    found = [
-        f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node.func)} with {len(node.args)}"
-        " arguments by place"
-        for package in PACKAGES
-        for path, tree in parsed(package)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and len(node.args) > MOST_BY_PLACE
-        if not any(isinstance(value, ast.Starred) for value in node.args)
-        and not isinstance(node.args[0], ast.Constant)
-    ]
-    assert found == []
 
 
 # --- code, messages and documents use the glossary's words
