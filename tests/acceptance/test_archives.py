@@ -15,7 +15,6 @@ from uuid import uuid4
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import httpx
-import pandas as pd
 import psycopg
 import pytest
 
@@ -305,6 +304,8 @@ def assert_kept(before: Path, after: Path, ids: dict[str, str]) -> None:
     """Hits, decisions, coupons, monitors and instruments of two archives are the same but for ids
     and times.
     """
+    import pandas as pd  # takes half a second of each process that looks for tests
+
     with ZipFile(before) as was, ZipFile(after) as now:
         for end in ("/hits.csv", "/coupons.csv", "/curve.csv", "/original"):
             one, two = (
@@ -344,6 +345,8 @@ def plain(value: Any, ids: dict[str, str]) -> Any:
 
 
 def frequencies(path: Path) -> list[float]:
+    import pandas as pd
+
     with ZipFile(path) as archive:
         name = next(name for name in archive.namelist() if name.endswith("/modes.csv"))
         table: list[float] = pd.read_csv(io.BytesIO(archive.read(name)))["frequency_hz"].tolist()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+import scipy
 
 from fecore.correlation import mac
 from fecore.errors import InputError
@@ -60,7 +60,9 @@ def with_machine() -> OutputOnly:
     shapes = np.array([[1.0, 0.8, 0.5], [0.6, -0.7, 1.0], [-0.4, 1.0, 0.7]])
     pole = np.exp(2 * np.pi * f * (-zeta + 1j * np.sqrt(1 - zeta**2)) / rate)
     modal = [
-        lfilter([1, -each.real], [1, -2 * each.real, abs(each) ** 2], rng.standard_normal(count))
+        scipy.signal.lfilter(
+            [1, -each.real], [1, -2 * each.real, abs(each) ** 2], rng.standard_normal(count)
+        )
         for each in pole
     ]
     x = shapes.T @ np.array(modal)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
@@ -15,14 +15,15 @@ RATE, TWO = 50.0, along_z((1, 2))
 
 
 POLE = 0.9 * np.exp(0.9j)  # of a sample: 7.2 Hz
-RESPONSE = lfilter([1], [1, -2 * POLE.real, abs(POLE) ** 2], np.eye(1, 2000)[0])
+# of two poles: Im(p^(k+1)) / Im p
+RESPONSE = (POLE ** np.arange(1, 2001)).imag / POLE.imag
 
 
 @pytest.fixture(scope="module")
 def ringing() -> FloatArray:
     """A resonance in white noise, and half of it."""
     e = np.random.default_rng(5).standard_normal(400_000)
-    x = lfilter([1], [1, -2 * POLE.real, abs(POLE) ** 2], e)
+    x = scipy.signal.lfilter([1], [1, -2 * POLE.real, abs(POLE) ** 2], e)
     return np.stack([x, x / 2])
 
 
