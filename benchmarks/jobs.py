@@ -19,8 +19,8 @@ import psutil
 from benchmarks.clock import timed
 from benchmarks.service import ended
 from benchmarks.tables import Table, load
-from service.app.demo import paper
 from service.nouns.updates.tables import UpdateJob
+from service.pages.example import paper
 from service.platform.queue.queue import request_cancel
 from service.tasks.update.compute import compute_update
 from service.tasks.update.loading import load_update

@@ -24,7 +24,9 @@ from fecore import (
 from modalbase import read_uff
 from modalbase.formats import uff
 
-content = list(read_uff(sys.argv[1] if len(sys.argv) > 1 else "service/app/demo/paper_beam.uff"))
+content = list(
+    read_uff(sys.argv[1] if len(sys.argv) > 1 else "service/pages/example/paper_beam.uff")
+)
 for report in content:
     if isinstance(report, uff.DatasetReport) and report.outcome == "refused":
         print(f"dataset {report.number} (type {report.type}): {report.reason}", file=sys.stderr)

@@ -9,6 +9,7 @@ from fastapi import FastAPI
 
 from service.pages import (
     comparing,
+    files,
     jobs,
     measurements,
     quantities,
@@ -26,5 +27,5 @@ __all__ = ["PageErrors", "add_pages"]
 def add_pages(app: FastAPI) -> None:
     """All pages; `/` leads to the first of them."""
     serve(app, start.open_router)
-    for module in (start, search, measurements, updates, comparing, quantities, jobs, tasks):
+    for module in (start, search, measurements, updates, comparing, quantities, files, jobs, tasks):
         serve(app, module.router)

@@ -4,27 +4,43 @@ restore.
 A page that deletes a project, a structure or a campaign says first what it will affect.
 """
 
+from dataclasses import dataclass
+from datetime import datetime
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
-from fastapi import Query, Request
+from fastapi import Query, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from service.figures.marks import counted
 from service.monitoring import routes as monitoring
 from service.nouns.campaigns import routes as campaigns
+from service.nouns.campaigns.operations import campaign_for, campaigns_of, newest_campaigns
 from service.nouns.frfs import routes as frfs
+from service.nouns.frfs.operations import count_frfs
 from service.nouns.frfs.routes import FrfFilter
+from service.nouns.instruments.routes import instrument_for
 from service.nouns.instruments.routes import nouns as instruments
 from service.nouns.modes import routes as modes
+from service.nouns.modes.operations import mode_set_for, modes_of
+from service.nouns.monitors.runs import monitor_for
 from service.nouns.notifications import routes as webhooks
 from service.nouns.storage import routes as storage
 from service.nouns.structures import routes as structures
-from service.nouns.structures.operations import structures_to_choose
+from service.nouns.structures.operations import (
+    structure_for,
+    structures_in,
+    structures_of,
+    structures_to_choose,
+)
+from service.pages.example import paper
 from service.pages.look import Visit, VisitDep, page
-from service.pages.updates import joint_updates_of, name_jobs
+from service.pages.updates import NamedJob, joint_updates_of, name_jobs
+from service.platform.access import Lookup, projects_of, role_in
 from service.platform.access import routes as access
+from service.platform.queue.resource import jobs_under_way
 from service.platform.web.routing import UI, page_router
+from service.tasks.kinds import TASKS
 from service.tasks.update import routes as updating
 
 open_router = page_router()
@@ -45,14 +61,137 @@ def get_sign_in(request: Request) -> HTMLResponse:
     return page(request, "sign_in.html")
 
 
+RECENT = 8  # tests on the start page
+EXAMPLE = "example"  # tag of the example project
+
+
 @router.get("/")
 def get_start(visit: VisitDep) -> HTMLResponse:
-    """Projects, the newest updates, and what calls for attention."""
+    """Recent tests, what runs, projects, and what calls for attention."""
     projects = access.list_projects(visit.session, visit.user, limit=MOST).items
-    jobs = updating.list_update_jobs(visit.session, visit.user, limit=8).items
     alarms = monitoring.list_alarms(visit.session, visit.user, state="alarm", limit=20).items
     active = [project for project in reversed(projects) if project.archived_at is None]
-    return visit.show("start.html", projects=active, jobs=name_jobs(visit, jobs), alarms=alarms)
+    return visit.show(
+        "start.html",
+        projects=active,
+        example=next((p for p in active if EXAMPLE in p.tags), None),
+        tests=_recent_tests(visit),
+        jobs=_under_way(visit),
+        alarms=alarms,
+    )
+
+
+def _recent_tests(visit: Visit) -> list[dict[str, Any]]:
+    """The newest campaigns, each with its structure, what it has, and its newest update."""
+    session, user = visit.session, visit.user
+    rows = newest_campaigns(session, structures_in(projects_of(user)), RECENT)
+    keys = [row.id for row in rows]
+    of = structures_of(session, [row.structure_id for row in rows])
+    frf_counts = count_frfs(session, keys)
+    newest_set = {each.campaign_id: each.id for each in mode_set_for.all(session, campaign_id=keys)}
+    in_sets = modes_of(session, list(newest_set.values()))
+    jobs: dict[UUID, NamedJob] = {}
+    listed = updating.list_update_jobs(session, user, limit=MOST).items
+    for job in name_jobs(visit, [one for one in listed if one.campaign_id in keys]):
+        jobs.setdefault(job.job.campaign_id, job)
+    return [
+        {
+            "campaign": row,
+            "structure": of[row.structure_id],
+            "frfs": frf_counts.get(row.id),
+            "modes": len(in_sets.get(newest_set[row.id], ())) if row.id in newest_set else None,
+            "job": jobs.get(row.id),
+        }
+        for row in rows
+    ]
+
+
+def _under_way(visit: Visit) -> list[dict[str, Any]]:
+    """Jobs that run or wait, each with its kind, what it is of, and that page."""
+    jobs = {job.id: job for job in jobs_under_way(visit.session, visit.user, MOST)}
+    shown: dict[UUID, dict[str, Any]] = {}
+    for task in TASKS:
+        for key, row in task.noun.find.rows(visit.session, jobs).items():
+            campaign, structure = (
+                getattr(row, name, None) for name in ("campaign_id", "structure_id")
+            )
+            shown[key] = {
+                "job": jobs[key],
+                "kind": task.kind.capitalize(),
+                "name": getattr(row, "filename", ""),
+                "campaign": campaign,
+                "to": f"campaigns/{campaign}" if campaign else f"structures/{structure}",
+            }
+    names = campaigns_of(visit.session, [one["campaign"] for one in shown.values()])
+    for one in shown.values():
+        one["name"] = one["name"] or (
+            names[one["campaign"]].name if one["campaign"] in names else "a structure"
+        )
+    return [shown[key] for key in jobs if key in shown]
+
+
+@router.get("/example")
+def get_example(_visit: VisitDep) -> dict[str, Any]:
+    """What the example project is made of, as REST takes it."""
+    return {
+        "project": {
+            "name": "Example: a beam of a paper",
+            "description": "FRFs, modes and coupons of Mondal and Chakraborty (2015)",
+            "tags": [EXAMPLE],
+        },
+        "structure": paper.STRUCTURE,
+        "campaign": paper.CAMPAIGN,
+        "modes": {"name": "Table 3", "modes": paper.MODES},
+        "batch": {
+            "name": "Table 4",
+            "constants": list(paper.COUPONS_PA),
+            "published": {name: {"mean": mean} for name, mean in paper.COUPONS_PA.items()},
+        },
+    }
+
+
+@router.get("/example/frfs")
+def get_example_frfs(_visit: VisitDep) -> Response:
+    """The file of the example project."""
+    return Response(paper.uff_file(), media_type="application/x-uff")
+
+
+RESTORABLE: dict[str, Lookup[Any]] = {
+    "structures": structure_for,
+    "campaigns": campaign_for,
+    "monitors": monitor_for,
+    "instruments": instrument_for,
+}
+"""Nouns whose rows are kept when they are deleted, by their addresses; projects beside them."""
+
+
+@dataclass(frozen=True)
+class Deleted:
+    """A row of the trash."""
+
+    noun: str  # its address
+    kind: str  # what a person calls one
+    key: UUID  # its own
+    name: str  # its own
+    within: str  # names of what it belongs to, the project first
+    at: datetime | None  # when it was deleted
+
+
+@router.get("/trash")
+def get_trash(visit: VisitDep) -> HTMLResponse:
+    """All that was deleted and can be restored, the newest first."""
+    session, user = visit.session, visit.user
+    gone = [
+        Deleted("projects", "project", one.id, one.name, "", one.deleted_at)
+        for one in access.list_projects(session, user, limit=MOST, deleted=True).items
+        if role_in(session, user, one.id) == "owner"
+    ]
+    for noun, find in RESTORABLE.items():
+        for row, owners in find.deleted_rows(session, user, MOST):
+            within = " › ".join(owner.name for owner in reversed(owners))
+            name = row.name if hasattr(row, "name") else f"{row.kind} {row.serial}"
+            gone.append(Deleted(noun, find.kind, row.id, name, within, row.deleted_at))
+    return visit.show("trash.html", gone=sorted(gone, key=lambda one: str(one.at), reverse=True))
 
 
 @router.get("/kit")
@@ -65,10 +204,7 @@ def get_kit(visit: VisitDep) -> HTMLResponse:
 def get_projects(visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
     """All projects."""
     listed = access.list_projects(visit.session, visit.user, cursor=cursor, limit=MOST)
-    gone = access.list_projects(visit.session, visit.user, limit=MOST, deleted=True).items
-    return visit.show(
-        "projects.html", projects=listed.items, following=listed.next_cursor, gone=gone
-    )
+    return visit.show("projects.html", projects=listed.items, following=listed.next_cursor)
 
 
 @router.get("/projects/{project_id}")
@@ -97,78 +233,21 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
     )
 
 
-_PLY = {"E1_Pa": 23e9, "E2_Pa": 8.5e9, "G12_Pa": 3e9, "G13_Pa": 3e9, "G23_Pa": 2.4e9, "nu_12": 0.27}
-EXAMPLES: dict[str, tuple[str, dict[str, Any]]] = {
-    "plate": (
-        "a strip",
-        {
-            "name": "FRP beam",
-            "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01012},
-            "density_kg_m3": 2012,
-            "material": {
-                "Ex_Pa": 33.05e9,
-                "Ey_Pa": 31.8e9,
-                "Gxy_Pa": 5.73e9,
-                "Gxz_Pa": 4.5e9,
-                "Gyz_Pa": 4.5e9,
-                "nu_xy": 0.15,
-            },
-        },
-    ),
-    "i": (
-        "an I-profile",
-        {
-            "name": "I-beam",
-            "density_kg_m3": 1900,
-            "shape": {
-                "length_m": 1.5,
-                "width_m": 0.06,
-                "height_m": 0.12,
-                "walls": {"flange": {"thickness_m": 0.006}, "web": {"thickness_m": 0.006}},
-                "material": _PLY,
-            },
-        },
-    ),
-}
-"""What a new test may be filled in with, by the kind of its structure: words of the link, and the
-structure.
-"""
-
-
 @router.get("/new")
-def get_new_test(
-    visit: VisitDep,
-    example: Annotated[str, Query(max_length=20)] = "",
-    structure: UUID | None = None,
-) -> HTMLResponse:
-    """A new test in one form: a structure, new or there, the test, its file; filled in where an
-    example is asked for.
-    """
-    projects = [
-        p
-        for p in access.list_projects(visit.session, visit.user, limit=MOST).items
-        if p.archived_at is None
-    ]
+def get_new_test(visit: VisitDep, structure: UUID | None = None) -> HTMLResponse:
+    """A new test: files first, then what they do not say of the structure and the test."""
+    listed = access.list_projects(visit.session, visit.user, limit=MOST).items
+    projects = [p for p in listed if p.archived_at is None and EXAMPLE not in p.tags]
     choices = structures_to_choose(visit.session, visit.user)
-    start = {}
-    if example in EXAMPLES:
-        test = {"name": "first test", "boundary": "cantilever"}
-        start = {
-            "project": {"name": "laboratory"},
-            "structure": EXAMPLES[example][1],
-            "campaign": test,
-        }
     return visit.show(
         "new_test.html",
         projects=projects,
         structures=[
-            (p.name, [(key, name) for owner, key, name in choices if owner == p.id])
+            (p.name, [(key, name) for owner, key, name, _ in choices if owner == p.id])
             for p in reversed(projects)
         ],
+        materials=[(key, name) for _, key, name, of_material in choices if of_material],
         chosen=structure,
-        examples=[(name, words) for name, (words, _) in EXAMPLES.items()],
-        kind=example if example in EXAMPLES else "",
-        start=start,
     )
 
 
@@ -204,15 +283,9 @@ def _project(visit: Visit, key: UUID) -> dict[str, Any]:
         "affects": "Name and description stand on pages and in reports that are made from now on.",
         "hides": (
             f"It hides {_count(count, 'structure')} with all campaigns, results and monitors. "
-            "An owner can restore it from the list of projects until it is purged."
+            "An owner can restore it from the trash until it is purged."
         ),
         "back": "ui/projects",
-        "below": "structures",
-        "gone": (
-            structures.nouns.page(
-                visit.session, visit.user, key, limit=MOST_COUNTED, deleted=True
-            ).items
-        ),
         "members": access.list_members(key, visit.session, visit.user, limit=MOST_COUNTED).items,
         "webhooks": (
             webhooks.list_webhooks(visit.session, visit.user, project=key, limit=MOST_COUNTED).items
@@ -243,15 +316,9 @@ def _structure(visit: Visit, key: UUID) -> dict[str, Any]:
         ),
         "hides": (
             f"It hides {_count(tests, 'campaign')}, {_count(jobs, 'update')} and the monitors. "
-            "It can be restored where the project is edited."
+            "It can be restored from the trash."
         ),
         "back": f"ui/projects/{project.id}",
-        "below": "campaigns",
-        "gone": (
-            campaigns.nouns.page(
-                visit.session, visit.user, key, limit=MOST_COUNTED, deleted=True
-            ).items
-        ),
     }
 
 
@@ -278,11 +345,9 @@ def _campaign(visit: Visit, key: UUID) -> dict[str, Any]:
         ),
         "hides": (
             f"It hides {_count(measured, 'FRF')} and {_count(sets, 'mode set')}; results stay. "
-            "It can be restored where the structure is edited."
+            "It can be restored from the trash."
         ),
         "back": f"ui/structures/{structure.id}",
-        "below": "",
-        "gone": [],
         "boundaries": (
             ["free", "as_modelled"]
             if structure.model

@@ -21,8 +21,8 @@ import pytest
 import modalbase
 from modalbase.client.errors import ClientError
 from modalbase.objects.archive_file import ArchiveFile
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from service.platform.db.engine import psycopg_url
 from tests.integration.test_coupons import COUPON, CURVE, machine_file
 from tests.support.command import modalbase_here

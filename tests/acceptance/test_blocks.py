@@ -26,13 +26,13 @@ from scipy.io import wavfile
 import modalbase
 from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.tables import Stated
-from service.app.demo.paper import uff_file
 from service.app.supervisor import LocalService
 from service.nouns.campaigns.schemas import CampaignIn
 from service.nouns.coupons.schemas import CurveCouponIn
 from service.nouns.structures.schemas import StructureIn
 from service.nouns.structures.shapes import Section
 from service.nouns.updates.schemas import RecipeIn
+from service.pages.example.paper import uff_file
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.lengths import long

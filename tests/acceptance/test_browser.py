@@ -24,7 +24,21 @@ from tests.support.waiting import until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-MOST_CLICKS = 8
+MOST_CLICKS, MOST_FIELDS, MOST_FIELDS_OF_KNOWN = 5, 11, 6
+STRIP = {
+    "density_kg_m3": 2012,
+    "geometry/length_m": 500,
+    "geometry/width_m": 40,
+    "geometry/thickness_m": 10.12,
+    "material/Ex_Pa": 33.05,
+    "material/Ey_Pa": 31.8,
+    "material/Gxy_Pa": 5.73,
+    "material/Gxz_Pa": 4.5,
+    "material/Gyz_Pa": 4.5,
+    "material/nu_xy": 0.15,
+}
+"""What no file says of a strip, in the units of the form."""
+
 PANES = ("shapes", "frfs", "parameters", "modes", "verdict")
 TABS = ("correlation", "damping", "budget", "convergence", "recipe", "report")
 
@@ -41,17 +55,13 @@ def main_job(seen: Watched, key: str, file: Path) -> str:
     page.fill("#key", key)
     seen.click("button:text('Sign in')")
     page.wait_for_url("**/ui/")
-    seen.click("a:text('New test')")
-    assert page.input_value("[name='structure/geometry/length_m']") == ""
-    seen.click("a:text('a strip')")
-    with page.expect_file_chooser() as chooser:
-        seen.click("#file")
-    chooser.value.set_files(file)
-    seen.click("button:text('Store the test')")
-    page.wait_for_url("**/ui/campaigns/*")
-    drawn(page, "[data-frf-viewer]")  # the page is loaded anew when the file is read
-    seen.click("a.button:text('New update') >> nth=0")
-    seen.click("button:text('Start the update') >> nth=0")
+    seen.drop(file)
+    assert page.url.endswith("/ui/new")
+    assert page.input_value("[name='structure/name']") == "PAPER"  # as the file calls it
+    assert not page.locator("[name=points]").is_visible()  # the file has them
+    seen.fill("structure/", STRIP)
+    seen.fill("campaign/", {"boundary": "cantilever"})
+    seen.click("button:text-is('Import 1 file')")
     page.wait_for_url("**/ui/update-jobs/*")
     page.wait_for_selector("#verdict")
     return page.url
@@ -132,6 +142,7 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         assert report.value.status == 200
         assert report.value.headers["content-type"] == "application/pdf"
         assert seen.clicks <= MOST_CLICKS
+        assert seen.fields <= MOST_FIELDS
         a_mode_zooms_and_a_cell_opens_its_shapes(page)
         assert hindrances(page) == []
         cookies = page.context.cookies()
@@ -143,6 +154,7 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         page.goto(others[0])
         a_curve_and_hits_are_drawn(seen, others)
         a_file_is_dropped(seen, f"/ui/campaigns/{campaign}")
+        a_second_specimen_takes_its_material(seen, measured)
         assert (seen.complaints, seen.strangers) == ([], [])
     job = urlsplit(result).path
     by_themselves = [
@@ -150,6 +162,7 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         "/ui/update-jobs",
         "/ui/keys",
         "/ui/monitors",
+        "/ui/trash",
         "/ui/search?noun=results",
     ]
     around = [*links, f"{links[-1]}/update", f"/ui/compare?job={job.rsplit('/', 1)[1]}", *others]
@@ -308,6 +321,20 @@ def a_file_is_dropped(seen: Watched, campaign: str) -> None:
     assert "dropped.uff" in seen.page.inner_text("#uploaded")
 
 
+def a_second_specimen_takes_its_material(seen: Watched, file: Path) -> None:
+    """A material that another structure has is chosen; sizes and boundary are asked for alone."""
+    seen.page.goto("/ui/")
+    seen.drop(file)
+    seen.fields = 1
+    seen.page.select_option("[data-material]", index=1)
+    seen.page.locator("button:text-is('Import 1 file: 4 missing')").wait_for()
+    seen.fill("structure/geometry/", {"length_m": 400, "width_m": 40, "thickness_m": 8})
+    seen.fill("campaign/", {"boundary": "free"})
+    seen.page.locator("button:text-is('Import 1 file')").wait_for()
+    assert seen.fields <= MOST_FIELDS_OF_KNOWN
+    assert hindrances(seen.page) == []
+
+
 def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalService) -> None:
     """Mistakes are said where they were made; the order of the tab key is that of the page; dialogs
     ask before they act.
@@ -321,7 +348,7 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         assert "not valid" in page.inner_text(".faults")
         assert page.context.cookies() == []
         seen.complaints.clear()  # the console names the 401
-        signed_in(seen, service.new_key("keyboard"), "/ui/new?example=plate")
+        signed_in(seen, service.new_key("keyboard"), "/ui/new")
         page.keyboard.press("Tab")
         assert page.evaluate("document.activeElement.className") == "skip"
         assert page.evaluate("document.activeElement.getBoundingClientRect().left") >= 0
@@ -335,7 +362,8 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         page.keyboard.press("Enter")
         page.keyboard.press("Tab")
         assert page.evaluate("document.activeElement.closest('main') !== null")
-        page.fill("[name='structure/geometry/thickness_m']", "900")
+        seen.fill("structure/", {"name": "strip", **STRIP, "geometry/thickness_m": 900})
+        seen.fill("campaign/", {"name": "first", "boundary": "cantilever"})
         page.focus("button:text('Store the test')")
         page.keyboard.press("Enter")
         page.wait_for_selector("[name='structure/geometry/thickness_m'][aria-invalid=true]")

@@ -12,8 +12,8 @@ import pytest
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from modalbase.formats.decks import Deck, write_shells
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.calculix import ccx, frequencies
 from tests.support.command import modalbase_here
 from tests.support.plates import solve

@@ -16,8 +16,8 @@ import pytest
 
 from modalbase.client.results import print_result
 from modalbase.formats.uff import DatasetReport, Frf, ModeShape, read_file
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.command import modalbase_here
 from tests.support.waiting import PATIENCE
 

@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from fecore import __version__
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.command import (
     COMMAND,
     environment,

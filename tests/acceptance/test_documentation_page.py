@@ -11,9 +11,9 @@ from typing import Any
 import httpx
 import pytest
 
-from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.nouns.updates.result_schemas import ResultOut
+from service.pages.example import paper
 from service.platform.web.bodies import SOME_ID
 from tests.support.rest import finished
 

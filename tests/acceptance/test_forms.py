@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import MOST_CLICKS, overflow, signed_in
+from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_correcting import MATERIAL, PLATE, saved
 from tests.support.browser import (
     Watched,
@@ -42,6 +42,15 @@ CONSTANTS = {
     "G23_Pa": "2.4",
     "nu_12": "0.27",
 }
+MATERIAL_OF_HITS = {
+    "material/Ex_Pa": 33,
+    "material/Ey_Pa": 32,
+    "material/Gxy_Pa": 5.7,
+    "material/Gxz_Pa": 4.5,
+    "material/Gyz_Pa": 4.5,
+    "material/nu_xy": 0.2,
+}
+MOST_CLICKS_OF_HITS = 7
 
 
 def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:
@@ -65,61 +74,26 @@ def test_raw_hits_become_a_printed_report_in_few_clicks(
         page.fill("#key", service.new_key("hammer"))
         seen.click("button:text('Sign in')")
         page.wait_for_url("**/ui/")
-        seen.click("a:text('New test')")
-        fill(
-            page,
-            "",
-            {
-                "project/name": "hits",
-                "structure/name": "beam",
-                "structure/density_kg_m3": beam["rho"],
-            },
-        )
-        sizes = {
-            "length_m": f"{beam['L']} m",
-            "width_m": 1e3 * beam["b"],
-            "thickness_m": 1e3 * beam["t"],
-        }
-        fill(page, "structure/geometry/", sizes)
-        nominal = {
-            "Ex_Pa": 33,
-            "Ey_Pa": 32,
-            "Gxy_Pa": 5.7,
-            "Gxz_Pa": 4.5,
-            "Gyz_Pa": 4.5,
-            "nu_xy": 0.2,
-        }
-        fill(page, "structure/material/", nominal)
-        page.fill("[name='campaign/name']", "June")
-        page.select_option("[name='campaign/boundary']", "cantilever")
+        seen.drop(file)
+        assert page.input_value("[name='channels/0/point']") == "point"
+        assert page.input_value("[name=sample_rate_hz]") == "fs"
+        sizes = {"length_m": f"{beam['L']} m", "width_m": 1e3 * beam["b"]}
+        seen.fill("structure/geometry/", {**sizes, "thickness_m": 1e3 * beam["t"]})
+        seen.fill("structure/", {**MATERIAL_OF_HITS, "density_kg_m3": beam["rho"]})
+        seen.fill("campaign/", {"boundary": "cantilever"})
         places = [
             f"{n}\t{1e3 * x:.9g}\t{1e3 * y:.9g}"
             for n, (x, y) in enumerate(truth["points"], start=1)
         ]
-        page.fill("[name=points]", "\n".join(places))
-        with page.expect_file_chooser() as chooser:
-            seen.click("#file")
-        chooser.value.set_files(file)
-        seen.click("button:text('Store the test')")
-        page.wait_for_selector("form[data-read] [name='channels/1/point']")
-        assert page.input_value("[name='channels/0/point']") == "point"
-        assert page.input_value("[name=sample_rate_hz]") == "fs"
-        fill(
-            page,
-            "channels/",
-            {
-                "0/sensitivity": known["force_V_per_N"],
-                "1/sensitivity": known["acceleration_V_per_m_s2"],
-            },
-        )
-        page.fill("[name='channels/1/point']", str(known["sensor_point"]))
-        for n in (0, 1):
-            page.select_option(f"[name='channels/{n}/direction']", "3")
+        seen.fill("", {"points": "\n".join(places)})
+        for n, name in enumerate(("force_V_per_N", "acceleration_V_per_m_s2")):
+            seen.fill(f"channels/{n}/", {"sensitivity": known[name], "direction": 3})
+        seen.fill("channels/1/", {"point": known["sensor_point"]})
         assert hindrances(page) == []
-        seen.click("button:text('Read the file so')")
-        page.wait_for_selector("#hits")
-        seen.click("a.button:text('New update') >> nth=0")
-        seen.click("button:text('Start the update') >> nth=0")
+        note_on_leaving(page, "location.pathname")
+        seen.click("button:text-is('Import 1 file')")
+        page.wait_for_url("**/ui/update-jobs/*")
+        assert noted_on_leaving(page).endswith("/ui/new")  # nothing was loaded anew
         page.wait_for_selector("#verdict")
         assert page.locator("#parameters tbody tr:has-text('Ex')").count() > 0
         with page.context.expect_event(
@@ -130,7 +104,28 @@ def test_raw_hits_become_a_printed_report_in_few_clicks(
             200,
             "application/pdf",
         )
-        assert seen.clicks <= MOST_CLICKS
+        assert seen.clicks <= MOST_CLICKS_OF_HITS
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_the_example_is_made_removed_and_had_back_by_a_click_each(
+    running: Browser, service: LocalService
+) -> None:
+    key = service.new_key("newcomer")
+    with watched_page(running, service.url) as seen:
+        page = signed_in(seen, key, "/ui/")
+        page.wait_for_selector("text=No test yet")
+        page.click("button:text('Add it')")
+        page.wait_for_selector("#verdict")
+        page.goto("/ui/")
+        page.locator("[aria-label=tests] .verdict").wait_for()
+        assert page.inner_text("[aria-label=tests] tbody td:nth-child(3)") == "33"
+        page.click("button:text('Remove it')")
+        page.wait_for_selector("text=No test yet")
+        with page.expect_navigation():
+            page.click("#say button:text('Undo')")
+        page.locator("[aria-label=tests] .verdict").wait_for()
+        assert hindrances(page) == []
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
@@ -177,11 +172,10 @@ def test_structures_of_every_kind_are_made_and_chosen(
         ]
 
         page.goto(f"/ui/new?project={project}")
-        page.fill("[name='structure/name']", "angle")
-        page.select_option("select[data-kind]", "deck")
         page.set_input_files(
-            "[name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck()}
+            "#file", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck()}
         )
+        page.wait_for_selector("[data-looked] tbody :text('m-N-kg?')")
         page.fill("[name=units]", "m-N-kg")
         stored(page, "free")
         assert structures(api, project)[2]["model"] is not None
@@ -270,7 +264,7 @@ def test_campaigns_are_updated_together_and_the_next_one_planned(
         for path in (
             f"projects/{project}/joint",
             f"structures/{structure}/plan",
-            "new?example=i",
+            "new",
             f"edit/structures/{structure}",
         ):
             seen.visit(f"/ui/{path}")

@@ -14,8 +14,8 @@ from uuid import UUID
 import httpx
 import pytest
 
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.rest import finished
 from tools.reference import document
 

@@ -10,7 +10,7 @@ import httpx
 import pytest
 from sqlalchemy import text
 
-from service.app.demo import paper
+from service.pages.example import paper
 from service.platform.queue.child import PURGED
 from service.platform.queue.tables import Job
 from service.tasks.kinds import KINDS

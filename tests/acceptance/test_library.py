@@ -17,8 +17,8 @@ import modalbase
 from modalbase.client.endpoint import find_endpoint, profile_file, save_profile
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.records import Place
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.laboratory import BEAM
 from tests.support.profiles import ANGLE, TRUTH, askew, deck, measured, points
 

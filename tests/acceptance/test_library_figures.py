@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import modalbase
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.laboratory import BEAM
 
 STEADY = np.arange(1.0, 4.0)

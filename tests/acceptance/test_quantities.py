@@ -55,6 +55,7 @@ def test_what_is_typed_is_shown_as_understood_and_sent_so(
         page.fill("[name='structure/name']", "plate")
         page.fill("[name='campaign/name']", "first")
         page.select_option("[name='campaign/boundary']", "cantilever")
+        page.click("summary:has-text('When, temperature')")
         for name, (text, understood) in TYPED.items():
             typed(page, name, text, understood)
         typed(

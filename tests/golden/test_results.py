@@ -17,8 +17,8 @@ import modalbase
 from examples.joint_update import paper_bar_together
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from examples.plies import plate, simulated
-from service.app.demo.paper import MODES, STRUCTURE, uff_file
 from service.app.supervisor import LocalService
+from service.pages.example.paper import MODES, STRUCTURE, uff_file
 from tests.golden import inputs, truths
 from tests.golden.inputs import (
     hits_campaign,

@@ -15,8 +15,8 @@ from modalbase.objects.campaigns import Campaign
 from modalbase.objects.frfs import Frfs
 from modalbase.objects.laboratory import Laboratory
 from modalbase.objects.projects import Structure
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.lengths import long
 from tests.support.rest import ok, plain_client
 

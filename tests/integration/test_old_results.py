@@ -12,9 +12,9 @@ import httpx
 import psycopg
 import pytest
 
-from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.nouns.updates.document import VERSION, require_current
+from service.pages.example import paper
 from service.platform.db.engine import psycopg_url
 from service.platform.errors import Conflict
 from tests.support.backups import RECIPE, small_file

@@ -12,9 +12,9 @@ import pytest
 from sqlalchemy import Engine, func, select, text
 
 from modalbase import connect
-from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.nouns.updates.schemas import UpdateJobOut
+from service.pages.example import paper
 from service.platform.db.base import Base
 from service.platform.db.engine import make_engine, make_sessions
 from service.platform.db.schema import upgrade

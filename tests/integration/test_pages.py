@@ -50,7 +50,8 @@ def test_pages_show_what_is_there(
     )
     assert never_calibrated.status_code == 201, never_calibrated.text
     places = {
-        "/ui/": "tests",
+        "/ui/": "Recent tests",
+        "/ui/trash": "Nothing was deleted",
         "/ui/projects": "tests",
         f"/ui/projects/{project}": "FRP beam",
         f"/ui/structures/{structure}": "33.05 GPa",

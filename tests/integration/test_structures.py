@@ -11,9 +11,9 @@ import psycopg
 import pytest
 from sqlalchemy import delete
 
-from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.nouns.structures.operations import Structure, structure_for
+from service.pages.example import paper
 from service.platform.access import Member, Project, User
 from service.platform.db.engine import Sessions, psycopg_url
 from service.platform.errors import NotFound

@@ -15,9 +15,9 @@ import psycopg
 import pytest
 from sqlalchemy import Engine, text
 
-from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.nouns.updates.document import VERSION
+from service.pages.example import paper
 from service.platform.db.engine import psycopg_url
 from service.platform.db.schema import upgrade
 from tests.integration.test_db import fill

@@ -22,8 +22,8 @@ from fecore.body.supports import PointMass
 from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from service.platform.db.base import Base
 from service.platform.errors import NotFinite
 from tests.support.cantilever import MEASURED_HZ

@@ -21,8 +21,8 @@ from uuid import uuid4
 import httpx
 from sqlalchemy import update
 
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from service.platform.access.keys import SCOPES, create_key, user_named
 from service.platform.access.tables import ApiKey, User
 from service.platform.db.engine import Sessions, make_engine, make_sessions

@@ -22,8 +22,8 @@ from sqlalchemy import text
 
 from modalbase.formats.uff import Frf, GridPoint, read_file
 from modalbase.formats.uff.write import encode
-from service.app.demo import paper
 from service.monitoring.scheduler import check
+from service.pages.example import paper
 from service.platform.db.opening import embedded_server
 from service.platform.queue.tables import Job
 from tests.support.floor import Floor, floor

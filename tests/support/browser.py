@@ -68,6 +68,7 @@ class Watched:
             caught.
         strangers: addresses of other hosts that were asked.
         clicks: how many there were.
+        fields: how many were filled in by hand.
     """
 
     page: Page
@@ -75,6 +76,7 @@ class Watched:
     complaints: list[str] = field(default_factory=list)
     strangers: list[str] = field(default_factory=list)
     clicks: int = 0
+    fields: int = 0
 
     def listen(self) -> None:
         """Note what this page complains of."""
@@ -94,6 +96,25 @@ class Watched:
         """Click, and count it."""
         self.clicks += 1
         self.page.click(selector)
+
+    def fill(self, prefix: str, values: dict[str, Any]) -> None:
+        """Type values into fields by their names, or choose them where there is a list, and count
+        them.
+        """
+        for name, value in values.items():
+            self.fields += 1
+            field = self.page.locator(f"[name='{prefix}{name}']")
+            if field.evaluate("one => one.tagName") == "SELECT":
+                field.select_option(str(value))
+            else:
+                field.fill(str(value))
+
+    def drop(self, *files: Path) -> None:
+        """Choose files in the place for them, by a click, and wait until all were looked at."""
+        with self.page.expect_file_chooser() as chooser:
+            self.click("#file")
+        chooser.value.set_files(list(files))
+        self.page.locator("[data-looked] tbody tr").nth(len(files) - 1).wait_for()
 
     def visit(self, path: str) -> None:
         """Look at another page, in a tab of its own, until nothing more is loaded.

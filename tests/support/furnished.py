@@ -8,7 +8,7 @@ from uuid import UUID
 import httpx
 from sqlalchemy import insert
 
-from service.app.demo import paper
+from service.pages.example import paper
 from service.platform.db.base import Base
 from service.platform.db.engine import Sessions
 from service.tasks.kinds import KINDS  # every table is imported by this

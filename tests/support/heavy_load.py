@@ -17,8 +17,8 @@ from typing import Any
 import httpx
 import psutil
 
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.rest import ONCE, RAW, campaigns_of, client_of, posted
 
 SHARES = {"list": 0.8, "FRF": 0.12, "upload": 0.06, "job": 0.02}

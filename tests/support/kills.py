@@ -23,7 +23,7 @@ import httpx
 import psutil
 from sqlalchemy import text
 
-from service.app.demo import paper
+from service.pages.example import paper
 from tests.support.backups import RECIPE
 from tests.support.floor import Floor, floor
 from tests.support.receivers import receiver

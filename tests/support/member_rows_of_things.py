@@ -4,7 +4,7 @@ change, made anew each time.
 
 from typing import Any
 
-from service.app.demo import paper
+from service.pages.example import paper
 from tests.support.member_lab import (
     MESH,
     RECIPE,

@@ -4,7 +4,7 @@ list of those without.
 
 from typing import Any
 
-from service.app.demo import paper
+from service.pages.example import paper
 from tests.support.member_lab import MODES
 from tests.support.members import Refused, To, held
 from tests.support.profiles import ANGLE

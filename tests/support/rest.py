@@ -8,8 +8,8 @@ import httpx
 
 from fecore.modes import MeasuredModes
 from modalbase.client.connection import no_certificates
-from service.app.demo import paper
 from service.app.supervisor import LocalService
+from service.pages.example import paper
 from tests.support.waiting import PATIENCE, until
 
 ONCE = httpx.Limits(max_connections=None, max_keepalive_connections=0)

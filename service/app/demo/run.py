@@ -19,9 +19,9 @@ from rich.console import Console
 from modalbase.client.results import print_result
 from modalbase.objects import laboratory
 from modalbase.objects.jobs import UpdateJob, Watch
-from service.app.demo import paper
-from service.app.demo.paper import UPDATED
 from service.app.supervisor import LocalService
+from service.pages.example import paper
+from service.pages.example.paper import UPDATED
 from service.platform.settings import Settings
 
 

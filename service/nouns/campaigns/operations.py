@@ -184,6 +184,14 @@ def present_campaigns(session: Session, structures: Select[UUID]) -> Sequence[UU
     return session.scalars(kept).all()
 
 
+def newest_campaigns(session: Session, structures: Select[UUID], most: int) -> Sequence[Campaign]:
+    """Campaigns of some structures, the newest first."""
+    query = select(Campaign).where(
+        Campaign.structure_id.in_(structures), Campaign.deleted_at.is_(None)
+    )
+    return session.scalars(query.order_by(Campaign.id.desc()).limit(most)).all()
+
+
 def structures_with(campaigns: Select[UUID]) -> Select[UUID]:
     """Keys of the structures that some campaigns are of, as part of a query."""
     return select(Campaign.structure_id).where(Campaign.id.in_(campaigns))

@@ -335,6 +335,15 @@ def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, floa
     ).all()
 
 
+def count_frfs(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, int]:
+    """How many FRFs each campaign has; those without any are left out."""
+    query = select(Frf.campaign_id, func.count()).where(
+        Frf.campaign_id.in_(campaign_ids), *present(Frf)
+    )
+    counts = session.execute(query.group_by(Frf.campaign_id))
+    return {row[0]: row[1] for row in counts}
+
+
 def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[str, datetime]]:
     """Digest and newest time of each campaign's FRFs; reads no spectrum. Campaigns without any are
     left out.

@@ -18,7 +18,9 @@ from sqlalchemy import (
     LargeBinary,
     Select,
     UniqueConstraint,
+    and_,
     func,
+    or_,
     select,
     text,
 )
@@ -379,14 +381,23 @@ def version_of(session: Session, version_id: UUID) -> StructureVersion:
     return session.get_one(StructureVersion, version_id)
 
 
-def structures_to_choose(session: Session, user: User) -> list[tuple[UUID, UUID, str]]:
-    """Project, key and name of all structures that somebody sees, by name."""
-    query = select(Structure.project_id, Structure.id, Structure.name).where(
-        Structure.id.in_(structures_in(projects_of(user)))
+def structures_to_choose(session: Session, user: User) -> list[tuple[UUID, UUID, str, bool]]:
+    """Project, key and name of all structures that somebody sees, by name, and whether they state a
+    material.
+    """
+    version = StructureVersion
+    of_material = or_(version.material.is_not(None), version.shape.has_key("material"))
+    query = (
+        select(Structure.project_id, Structure.id, Structure.name, of_material)
+        .join(
+            version,
+            and_(version.structure_id == Structure.id, version.number == Structure.version),
+        )
+        .where(Structure.id.in_(structures_in(projects_of(user))))
     )
     return [
-        (project, key, name)
-        for project, key, name in session.execute(query.order_by(Structure.name, Structure.id))
+        (project, key, name, bool(of))
+        for project, key, name, of in session.execute(query.order_by(Structure.name, Structure.id))
     ]
 
 

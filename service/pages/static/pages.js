@@ -118,6 +118,17 @@ function showFaults(form, problem) {
 }
 /* To another page, or to this one anew: until it comes, no button sends again what was sent. */
 let leaving = false;
+/* What was deleted and kept can be had back at once. */
+const KEPT = /^(projects|structures|campaigns|monitors|instruments)\/[^/]+$/;
+function offerUndo() {
+  const path = sessionStorage.getItem("deleted");
+  if (!path) return;
+  sessionStorage.removeItem("deleted");
+  say(`The ${path.split("s/")[0]} was deleted.`, async () => {
+    await call("POST", `${path}/restore`);
+    leave();
+  });
+}
 function leave(to = null) {
   leaving = true;
   page.leaving = "";
@@ -183,11 +194,13 @@ document.addEventListener("submit", (event) => {
     });
   } else if (form.dataset.delete) {
     event.preventDefault();
-    agreed(form.dataset.confirm, event.submitter?.textContent).then((yes) => {
+    const { delete: path, confirm, then } = form.dataset;
+    Promise.resolve(!confirm || agreed(confirm, event.submitter?.textContent)).then((yes) => {
       if (!yes) return;
       submitted(form, async () => {
-        await call("DELETE", form.dataset.delete);
-        goOn(form.dataset.then);
+        await call("DELETE", path);
+        if (KEPT.test(path)) sessionStorage.setItem("deleted", path);
+        goOn(then);
       });
     });
   } else if ("signIn" in form.dataset) {
@@ -199,9 +212,6 @@ document.addEventListener("submit", (event) => {
       const next = new URLSearchParams(location.search).get("next") ?? "ui/";
       leave(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/");
     });
-  } else if ("newTest" in form.dataset) {
-    event.preventDefault();
-    submitted(form, () => newTest(form));
   } else if ("filter" in form.dataset) {
     event.preventDefault();
     const said = [...new FormData(form)].filter(([, value]) => value !== "");
@@ -217,37 +227,6 @@ document.addEventListener("submit", (event) => {
     else say("Choose at least two to compare.");
   }
 });
-
-/* A whole test from one form. What was made before a fault is used again, so nothing is made twice.
- */
-async function newTest(form) {
-  const body = bodyOf(form);
-  const made = (form.made ??= {});
-  const make = async (part, path) => {
-    const text = path + JSON.stringify(body[part]);
-    if (made[part]?.text === text) return made[part].id;
-    try {
-      made[part] = { text, id: (await send("POST", path, body[part])).id };
-    } catch (problem) {
-      for (const fault of problem.errors ?? []) fault.pointer = `/${part}${fault.pointer}`;
-      throw problem;
-    }
-    return made[part].id;
-  };
-  const structure = body.structure_id || (await newStructure(form, body, make));
-  const campaign = await make("campaign", `structures/${structure}/campaigns`);
-  if (body.points) await send("PUT", `campaigns/${campaign}/grid-points`, { items: body.points });
-  const file = form.elements.file.files[0];
-  if (file) await upload(`campaigns/${campaign}/imports`, file, form);
-  leave(`ui/campaigns/${campaign}`);
-}
-async function newStructure(form, body, make) {
-  const project = body.project_id || (await make("project", "projects"));
-  const structure = await make("structure", `projects/${project}/structures`);
-  const deck = form.elements.deck;
-  if (!deck.matches(":disabled")) await readDeck(form, structure);
-  return structure;
-}
 
 /* Arrays of a file that does not say what they are are only looked at first: the report asks for
    what is missing. */
@@ -265,39 +244,6 @@ const upload = (path, file, form) => {
         : [],
   );
 };
-/* A file on its way: a line says how far it is, and takes it back. */
-async function sendFile(path, file, name, stated) {
-  const query = new URLSearchParams([["filename", name.slice(0, 200)], ...stated]);
-  const request = new XMLHttpRequest();
-  const line = Object.assign(document.createElement("p"), { className: "live" });
-  const bar = Object.assign(document.createElement("progress"), { value: 0, ariaLabel: name });
-  const cancel = Object.assign(document.createElement("button"), {
-    className: "plain",
-    type: "button",
-    textContent: "Cancel",
-  });
-  cancel.addEventListener("click", () => request.abort());
-  line.append(`Sending ${name}`, bar, cancel);
-  document.querySelector(".drop")?.after(line);
-  request.upload.addEventListener("progress", ({ loaded, total }) => {
-    bar.value = loaded / total;
-  });
-  try {
-    await new Promise((done, failed) => {
-      request.open("POST", rest(`${path}?${query}`));
-      request.setRequestHeader("Accept", "application/json");
-      request.setRequestHeader("X-CSRF-Token", page.csrf);
-      request.setRequestHeader("Content-Type", "application/octet-stream");
-      request.onload = done;
-      request.onerror = () => failed({ detail: `${name}: the connection broke.` });
-      request.onabort = () => failed({ detail: `${name} was not sent.` });
-      request.send(file);
-    });
-  } finally {
-    line.remove();
-  }
-  return valueIn(request.status, request.responseText);
-}
 /* A file that was looked at is read as its form says, with others that have its arrays where that
    is wished. */
 async function sendAgain({ read, into, name }, stated) {
@@ -310,49 +256,28 @@ async function lookAgain(form, stated) {
 }
 document.addEventListener("change", ({ target }) => {
   // what its arrays are decides what is asked of it
-  if ("look" in target.dataset)
+  if ("look" in target.dataset && target.form.dataset.read)
     submitted(target.form, () => lookAgain(target.form, [["kind", target.value]]));
 });
 const alike = (form) =>
   [...document.querySelectorAll("form[data-arrays]")].filter(
     (other) => other !== form && other.dataset.arrays === form.dataset.arrays,
   );
-async function readSo(form) {
+function statedIn(form) {
   const aside = form.querySelector("[data-aside]");
   const { [aside?.name]: said, ...mapping } = bodyOf(form);
   const stated = said ? [[aside.name, said]] : [];
   if (Object.keys(mapping).length) stated.push(["mapping", JSON.stringify(mapping)]);
+  return stated;
+}
+async function readSo(form) {
+  const stated = statedIn(form);
   for (const { dataset } of [
     form,
     ...(form.querySelector("[data-alike]").checked ? alike(form) : []),
   ])
     await sendAgain(dataset, stated);
   leave(`ui/${form.dataset.into.replace(/\/imports$/, "")}`);
-}
-
-/* A deck with its units; its reading is waited for on the structure's page, and before a test of it
-   is made. */
-function sendDeck(form, structure) {
-  const { deck, units, accept, sections } = form.elements;
-  const query = new URLSearchParams([["filename", deck.files[0].name.slice(0, 200)]]);
-  for (const one of [units, sections]) if (one.value.trim()) query.set(one.name, one.value.trim());
-  for (const card of accept.value.split(/[,;]+/))
-    if (card.trim()) query.append("accept", card.trim());
-  return call("POST", `structures/${structure}/model?${query}`, deck.files[0], {
-    "Content-Type": "application/octet-stream",
-  });
-}
-async function readDeck(form, structure) {
-  say("Reading the deck …");
-  let model = await sendDeck(form, structure);
-  while (["queued", "running"].includes(model.status)) {
-    await new Promise((done) => {
-      setTimeout(done, 500);
-    });
-    model = await call("GET", `models/${model.id}`);
-  }
-  say("");
-  if (model.status !== "succeeded") throw { detail: model.message };
 }
 
 /* When all files of a campaign are read, its page is loaded anew, as it has FRFs that it did not
@@ -411,22 +336,10 @@ async function uploadAll(form, files) {
   }
   renewed();
 }
-for (const zone of document.querySelectorAll(".drop")) {
-  const input = zone.querySelector("input[type=file]");
-  const form = zone.closest("form");
-  const over = (on) => (event) => {
-    event.preventDefault();
-    zone.classList.toggle("over", on);
-  };
-  zone.addEventListener("dragover", over(true));
-  zone.addEventListener("dragleave", over(false));
-  zone.addEventListener("drop", (event) => {
-    over(false)(event);
-    if (form.dataset.upload) uploadAll(form, event.dataTransfer.files);
-    else input.files = event.dataTransfer.files;
-  });
-  if (form.dataset.upload) input.addEventListener("change", () => uploadAll(form, input.files));
-}
+document.addEventListener("change", ({ target }) => {
+  if (target.type === "file" && target.form?.dataset.upload)
+    uploadAll(target.form, [...target.files]);
+});
 
 document.addEventListener("click", async (event) => {
   const button = event.target.closest("button");
@@ -498,7 +411,7 @@ function begin() {
     kind.dataset.begun = "";
     followKind(kind);
   }
-  for (const form of document.querySelectorAll("form[data-arrays]")) {
+  for (const form of document.querySelectorAll("form[data-arrays]:has([data-alike])")) {
     requireMissing(form);
     const label = form.querySelector("label:has([data-alike])"),
       others = alike(form).map((other) => other.dataset.name);
@@ -550,19 +463,5 @@ function followKind(kind) {
   follow();
 }
 begin();
-const project = document.getElementById("which-project");
-if (project) {
-  const structure = document.getElementById("which-structure");
-  const named = new URLSearchParams(location.search).get("project");
-  if (named && [...project.options].some((option) => option.value === named)) project.value = named;
-  else if (project.options.length > 1) project.selectedIndex = 1;
-  const name = document.getElementsByName("project/name")[0];
-  const follow = () => {
-    for (const part of document.querySelectorAll("[data-new]"))
-      leaveOut(part, structure.value !== "");
-    name.closest("label").hidden = project.value !== "";
-    name.disabled ||= project.value !== "";
-  };
-  for (const list of [structure, project]) list.addEventListener("change", follow);
-  follow();
-}
+beginNewTest();
+offerUndo();

@@ -191,10 +191,12 @@ class Lookup(Generic[Row]):
         """A row with all that it belongs to and the user's role in their project, in one way to the
         database.
         """
+        return self._with_owners().where(_key(self.table) == bindparam("key"))
+
+    def _with_owners(self) -> Select[Any]:
+        """Rows with all that they belong to and the user's role in their project."""
         chain = self._chain()
-        query = select(*(link.table for link in chain), Project, Member.role).where(
-            _key(self.table) == bindparam("key"), *self.among
-        )
+        query = select(*(link.table for link in chain), Project, Member.role).where(*self.among)
         for child, owner in pairwise(chain):
             query = query.join(
                 owner.table, _key(owner.table) == getattr(child.table, child.owner_key)
@@ -202,6 +204,23 @@ class Lookup(Generic[Row]):
         query = query.join(Project, Project.id == getattr(chain[-1].table, chain[-1].owner_key))
         mine = (Member.project_id == Project.id) & (Member.user_id == bindparam("user_id"))
         return query.outerjoin(Member, mine)
+
+    def deleted_rows(self, session: Session, user: User, most: int) -> list[tuple[Row, list[Any]]]:
+        """Deleted rows that a user may restore, the newest first, each with what it belongs to, its
+        project last; none of what is deleted itself.
+        """
+        table: Any = self.table
+        owners: list[Any] = [link.table for link in self._chain()[1:]]
+        query = self._with_owners().where(
+            table.deleted_at.is_not(None),
+            Member.role.in_(("editor", "owner")),
+            *(owner.deleted_at.is_(None) for owner in (*owners, Project)),
+            Project.archived_at.is_(None),
+        )
+        rows = session.execute(
+            query.order_by(table.deleted_at.desc()).limit(most), {"user_id": user.id}
+        )
+        return [(row, belongs) for row, *belongs, _ in rows]
 
     def named(self, session: Session, user: User, key: UUID, pointer: str) -> Row:
         """The row that a body names.

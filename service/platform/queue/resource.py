@@ -2,7 +2,7 @@
 again by the same operations.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from datetime import datetime
 from pathlib import Path
@@ -10,9 +10,10 @@ from typing import Any, Generic, Literal, TypeVar
 from uuid import UUID
 
 from pydantic import Field
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.platform.access import Lookup, User
+from service.platform.access import Lookup, User, projects_of
 from service.platform.db.base import Base
 from service.platform.errors import Conflict
 from service.platform.queue.kinds import Compute, JobKind
@@ -48,6 +49,14 @@ def job_state(job: Job) -> dict[str, Any]:
     return {
         name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields
     }
+
+
+def jobs_under_way(session: Session, user: User, most: int) -> Sequence[Job]:
+    """Jobs of one's projects that run or wait, those that run first."""
+    query = select(Job).where(
+        Job.project_id.in_(projects_of(user)), Job.state.in_(("running", "queued"))
+    )
+    return session.scalars(query.order_by(Job.state.desc(), Job.id).limit(most)).all()
 
 
 def job_of(session: Session, row: Any) -> Job:

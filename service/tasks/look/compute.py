@@ -1,0 +1,166 @@
+"""What a dropped file holds and states, in a child process of the API: no database, no web, and
+nothing is stored.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from modalbase.formats import uff
+from modalbase.formats.models.units import guess
+from modalbase.formats.registry import FORMATS, Kind
+from service.compute.models.meshes import MESHES
+from service.compute.models.reading import READERS, parsed
+from service.tasks.import_file.arrays_of_files import FileDescription
+from service.tasks.import_file.compute import Kept, ReadingInputs, read_upload
+
+MODELS = (*READERS, *MESHES)
+"""Ends of names of files that hold a model; some of them may hold a measurement instead."""
+
+_MEASURED = frozenset(suffix for row in FORMATS.values() for suffix in row.every_suffix)
+_DATES = ("%d-%b-%y %H:%M:%S", "%d-%b-%Y %H:%M:%S", "%d-%b-%y", "%d-%b-%Y", "%Y-%m-%d %H:%M:%S")
+_BLANK = re.compile(r"\s+")
+_NO_NAME = ("", "none", "unknown")
+
+
+@dataclass(frozen=True)
+class FileLook:
+    """What a file holds and states."""
+
+    format: str = ""  # by its content; of a model, the end of its name
+    kind: Kind | None = None  # what its arrays are, where it holds arrays
+    variables: dict[str, str] = field(default_factory=dict)  # arrays: type, shape, extent
+    mapping: dict[str, Any] = field(default_factory=dict)  # that suggests itself of them
+    counts: Counter[str] = field(default_factory=Counter)  # FRFs, grid points, modes, time blocks
+    refused: tuple[str, ...] = ()  # why datasets were refused, each reason once
+    notes: tuple[str, ...] = ()  # what its reader noticed
+    title: str = ""  # its own name of what was measured
+    program: str = ""  # that wrote it
+    units: str = ""  # that it states, in its own words; of a deck, those that fit
+    performed_at: datetime | None = None  # local time that it states
+    is_model: bool = False  # whether it is a deck or a mesh
+    states_units: bool = True  # whether its numbers need no unit to be stated
+
+
+class _Silence:
+    """A reporter for what nobody waits to hear of."""
+
+    restored: bytes | None = None
+
+    def __call__(self, stage: str, progress: float) -> None:
+        """Say nothing."""
+
+    def checkpoint(self, data: bytes) -> None:
+        """Keep nothing."""
+
+
+def look_at(path: Path, filename: str, kind: Kind | None) -> FileLook:
+    """Look at a file.
+
+    Args:
+        path: where it lies.
+        filename: what its sender calls it.
+        kind: what its arrays are, where its sender says so.
+
+    Raises:
+        InputError, Invalid: it cannot be read.
+    """
+    suffix = PurePosixPath(filename.lower()).suffix
+    if suffix in MODELS and suffix not in _MEASURED:
+        return _model(path, filename, suffix)
+    inputs = ReadingInputs(path, None, filename, kind=kind, dry_run=True)
+    looked = _gathered(read_upload(inputs, _Silence()))
+    return _with_head(path, looked) if looked.format == "uff" else looked
+
+
+def _model(path: Path, filename: str, suffix: str) -> FileLook:
+    """A deck has no units: those in which its materials are known ones are offered."""
+    if suffix in MESHES:
+        return FileLook(format=suffix[1:], is_model=True)
+    model = parsed(path.read_bytes(), filename)
+    offered = guess(model)
+    counts = Counter(nodes=len(model.nodes), elements=sum(len(b.nodes) for b in model.elements))
+    notes = () if offered is None else (f"units {offered.units}? {offered.reason}",)
+    return FileLook(
+        format=suffix[1:],
+        counts=counts,
+        notes=notes,
+        title=model.title,
+        is_model=True,
+        states_units=False,
+    )
+
+
+def _gathered(items: Any) -> FileLook:
+    description, counts, refused = FileDescription(""), Counter[str](), dict[str, None]()
+    for item in items:
+        if isinstance(item, FileDescription):
+            description = item
+        elif isinstance(item, uff.DatasetReport):
+            if item.outcome == "refused" and item.reason:
+                refused[item.reason] = None
+        else:
+            counts[_noun(item)] += len(item) if isinstance(item, list) else 1
+    return FileLook(
+        format=description.format,
+        kind=description.kind,
+        variables=description.variables,
+        mapping=description.mapping,
+        counts=counts,
+        refused=tuple(refused),
+        notes=tuple(description.notes),
+    )
+
+
+def _noun(item: Kept) -> str:
+    """What an item is counted as."""
+    if isinstance(item, list):
+        return "grid points"
+    if isinstance(item, uff.ModeShape):
+        return "modes"
+    if isinstance(item, uff.Function | uff.TraceLine):
+        return "others"
+    return "FRFs" if type(item).__name__ == "EncodedFrf" else "time blocks"
+
+
+def _with_head(path: Path, looked: FileLook) -> FileLook:
+    """A UFF with what stands before its first function: names, units, when it was measured."""
+    head: dict[str, Any] = {}
+    for item in uff.read_file(path, uff.Limits()):
+        if isinstance(item, uff.FileHeader):
+            head["title"] = _named(item.model_name)
+            head["program"] = _named(item.program)
+        elif isinstance(item, uff.Units):
+            head["units"] = _named(item.description)
+        elif isinstance(item, uff.Frf | uff.Function):
+            head["performed_at"] = next(filter(None, map(_date, item.id_lines)), None)
+            break
+        elif isinstance(item, uff.TimeResponse | uff.ModeShape):
+            break
+    return replace(looked, **head)
+
+
+def _named(text: str) -> str:
+    text = _BLANK.sub(" ", text).strip()
+    return "" if text.lower() in _NO_NAME else text
+
+
+def _date(text: str) -> datetime | None:
+    """A date as analysers write it; None of other words, and of a year 2000 that means nothing.
+
+    >>> _date("02-Jun-25 10:05:00"), _date("NONE")
+    (datetime.datetime(2025, 6, 2, 10, 5), None)
+    """
+    plain = _BLANK.sub(" ", text).strip()
+    for form in _DATES:
+        try:
+            date = datetime.strptime(plain, form)
+        except ValueError:
+            continue
+        return None if (date.year, date.month, date.day) == (2000, 1, 1) else date
+    return None
