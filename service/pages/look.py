@@ -144,6 +144,8 @@ def _templates() -> Environment:
         formats=FORMATS,
         titles=titles,
     )
+    for name in ("kit", "parts", "fields", "curves"):
+        made.globals[name] = made.get_template(f"{name}.html").module
     return made
 
 
