@@ -25,6 +25,7 @@ from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.modes.schemas import ModeSetOut
 from service.nouns.monitors.live import look_at_monitors
+from service.nouns.recordings import routes as recordings
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.pages.look import Visit, VisitDep
@@ -156,6 +157,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         ).items,
         records=blocks,
         hit_places=_hit_places(blocks),
+        recordings=recordings.nouns.page(visit.session, visit.user, campaign_id, limit=MOST).items,
         processings=processings,
         decided=_decided(visit, campaign_id),
         judged=[] if done is None else done["hits"],

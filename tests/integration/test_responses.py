@@ -98,7 +98,10 @@ def test_a_recording_becomes_modes_and_an_update(
     folder, truth = truth_of("ambient-1")
     campaign = campaign_of(api, folder, truth)
     file = folder / "setup_1.npz"
-    proposed = sent(campaign, file, dry_run="true")["found"]["mapping"]
+    looked_at = sent(campaign, file, dry_run="true")
+    proposed = looked_at["found"]["mapping"]
+    form = api.get(api.base_url.join(f"/ui/imports/{looked_at['id']}")).text
+    assert 'data-kind="responses"' in form
     assert proposed["recording"] == {}
     assert proposed["sample_rate_hz"] == {"variable": "time_s"}
     assert {c["quantity"] for c in proposed["channels"]} == {None}
@@ -150,6 +153,10 @@ def test_a_recording_becomes_modes_and_an_update(
     drawn = ok(api.get(f"campaigns/{campaign}/figures/spectra"))
     upright = [shape["x0"] for shape in drawn["layout"]["shapes"]]
     np.testing.assert_allclose(upright, [mode["frequency_hz"] for mode in modes["modes"]])
+
+    page = api.get(api.base_url.join(f"/ui/campaigns/{campaign}")).text
+    assert f"campaigns/{campaign}/figures/spectra" in page
+    assert "Find modes" in page
 
     # an update takes frequencies, shapes and damping ratios, and says that no FRF was fitted
     started = api.post(f"campaigns/{campaign}/update-jobs", json={"seed": 1})
