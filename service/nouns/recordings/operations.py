@@ -22,7 +22,7 @@ from service.compute.frame import Frame
 from service.compute.responses import EncodedSpectra, RecordingFile, ResponseInputs, decoded
 from service.nouns.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.nouns.recordings.schemas import RecordingOut, SpectraOut
-from service.nouns.records.schemas import ProcessingIn
+from service.nouns.records.schemas import CampaignProcessingIn
 from service.nouns.storage import book
 from service.nouns.storage.originals import write_original
 from service.platform.access import Lookup
@@ -101,7 +101,7 @@ def remove_recordings(session: Session, import_id: UUID) -> int:
 
 
 def load_recordings(
-    session: Session, campaign_id: UUID, workspace: Path, options: ProcessingIn
+    session: Session, campaign_id: UUID, workspace: Path, options: CampaignProcessingIn
 ) -> ResponseInputs | None:
     """A campaign's recordings with their originals on the worker's disk; None where it has none."""
     files = []

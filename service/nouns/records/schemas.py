@@ -182,15 +182,8 @@ class StoredRecords(StrictModel):
     )
 
 
-class ReferenceIn(RequestModel):
-    """A sensor that all others are correlated with."""
-
-    point: Point
-    direction: Direction
-
-
 class ProcessingIn(RequestModel):
-    """How hits become FRFs, and recordings of responses half spectra; `{}` will do."""
+    """How hits become FRFs; `{}` will do."""
 
     model_config = example()
 
@@ -219,6 +212,31 @@ class ProcessingIn(RequestModel):
         description="a hit is refused where its probability of being good is below",
     )
     overrules: LongList[OverruleIn] = Field(default_factory=list, max_length=100_000)
+
+    def processing(self) -> Processing:
+        """The core's choices, but for the overrules, for which the hits must be known.
+
+        Raises:
+            InputError: the band is empty.
+        """
+        windows = (
+            None
+            if self.windows is None
+            else Windows(self.windows.force_length_s, self.windows.rate_per_s)
+        )
+        return Processing(self.estimator, windows, self.band_hz, self.delay_s, self.false_discovery)
+
+
+class ReferenceIn(RequestModel):
+    """A sensor that all others are correlated with."""
+
+    point: Point
+    direction: Direction
+
+
+class CampaignProcessingIn(ProcessingIn):
+    """How hits become FRFs, and recordings of responses half spectra; `{}` will do."""
+
     references: list[ReferenceIn] | None = Field(
         None,
         min_length=1,
@@ -246,28 +264,15 @@ class ProcessingIn(RequestModel):
     def of_hits(self) -> list[str]:
         """Members that are stated and of hits."""
         own = self.model_fields_set - {"references", "lag_s"}
-        usual = ProcessingIn.model_validate({})
+        usual = CampaignProcessingIn.model_validate({})
         return [name for name in sorted(own) if getattr(self, name) != getattr(usual, name)]
-
-    def processing(self) -> Processing:
-        """The core's choices, but for the overrules, for which the hits must be known.
-
-        Raises:
-            InputError: the band is empty.
-        """
-        windows = (
-            None
-            if self.windows is None
-            else Windows(self.windows.force_length_s, self.windows.rate_per_s)
-        )
-        return Processing(self.estimator, windows, self.band_hz, self.delay_s, self.false_discovery)
 
 
 class ProcessingOut(JobOut):
     """A processing: how far it is, and what it did."""
 
     campaign_id: UUID
-    options: ProcessingIn
+    options: CampaignProcessingIn
     result: dict[str, Any] | None = Field(
         description=(
             "choices made, judgement of every hit, and each FRF with the records that it rests on"

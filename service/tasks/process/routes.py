@@ -1,6 +1,6 @@
 """Routes of processings."""
 
-from service.nouns.records.schemas import ProcessingIn, ProcessingOut
+from service.nouns.records.schemas import CampaignProcessingIn, ProcessingOut
 from service.platform.access import api_router
 from service.platform.queue.routes import JobRoutes
 from service.tasks.process.task import PROCESSINGS, start_processing
@@ -20,7 +20,7 @@ of_jobs.creating(
     "start_processing",
     "Queue a processing: hits are judged, the good ones become FRFs; recordings of responses become"
     " half spectra. `{}` is a body.",
-    ProcessingIn,
+    CampaignProcessingIn,
     start_processing,
     status=202,
 )

@@ -31,7 +31,7 @@ from service.nouns.records.processings import (
     new_processing,
     processing_for,
 )
-from service.nouns.records.schemas import ProcessingIn
+from service.nouns.records.schemas import CampaignProcessingIn
 from service.nouns.storage import require_room
 from service.platform.access import User
 from service.platform.queue.kinds import CORE_LIBRARIES
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 def _load(session: Session, row: Processing, workspace: Path) -> Measured:
-    options = ProcessingIn.model_validate(row.options)
+    options = CampaignProcessingIn.model_validate(row.options)
     hits = load_records(session, row.campaign_id, workspace, options)
     responses = load_recordings(session, row.campaign_id, workspace, options)
     if hits is None and responses is None:
@@ -56,7 +56,7 @@ def _load(session: Session, row: Processing, workspace: Path) -> Measured:
     return Measured(hits, responses)
 
 
-def _require_used(options: ProcessingIn, hits: bool, responses: bool) -> None:
+def _require_used(options: CampaignProcessingIn, hits: bool, responses: bool) -> None:
     """Refuse what is stated and not used.
 
     Raises:
@@ -89,7 +89,7 @@ PROCESSINGS = JobNoun(
 
 
 def start_processing(
-    session: Session, user: User, campaign_id: UUID, body: ProcessingIn
+    session: Session, user: User, campaign_id: UUID, body: CampaignProcessingIn
 ) -> Processing:
     """Queue a processing of a campaign's hits and recordings, in the caller's transaction.
 

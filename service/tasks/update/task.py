@@ -14,6 +14,8 @@ from fecore.updating.campaigns import check_temperatures
 from service.nouns.campaigns.operations import campaign_for, campaign_of
 from service.nouns.frfs.operations import frf_extents
 from service.nouns.modes.operations import check_mode_set, keep_identified
+from service.nouns.recordings.operations import recordings_of
+from service.nouns.records.operations import has_records
 from service.nouns.records.processings import keep_processing
 from service.nouns.storage import book, require_room
 from service.nouns.structures.operations import present_structure
@@ -157,6 +159,16 @@ def require_used(session: Session, user: User, campaign_id: UUID, recipe: Recipe
         raise Invalid(
             "/processing",
             "is of campaigns with time blocks and no FRFs; this one has FRFs: leave it out",
+        )
+    if (
+        recipe.processing != USUAL.processing
+        and recordings_of(session, campaign.id)
+        and not has_records(session, campaign.id)
+    ):
+        raise Invalid(
+            "/processing",
+            "is of campaigns with time blocks; this one has recordings of responses, which a"
+            " processing of its own takes: leave it out",
         )
     if recipe.mode_set is not None and recipe.identification != USUAL.identification:
         raise Invalid(

@@ -104,8 +104,10 @@ def test_names_are_as_long_as_they_must_be() -> None:
 # ------------------------------
 
 
-NOTES = ("without_joints", "campaign_missed", "campaign_modes_alone")
-"""Kinds that nobody acts on from here: those of joint updates, whose page names the campaign."""
+NOTES = ("without_joints", "campaign_missed", "campaign_modes_alone", "loads_unmeasured")
+"""Kinds that nobody acts on from here: those of joint updates, whose page names the campaign, and
+what modes of responses alone are.
+"""
 
 WINDOW = finding("window_unstated", name="a0", percent=14.0)
 MISSED = finding("frequencies_missed", percent=2.3)
