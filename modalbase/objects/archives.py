@@ -310,6 +310,7 @@ class _Import:
                 for row in points
             )
         self.hits(campaign, folder)
+        self.recordings(campaign, folder)
         for one in archive.json(f"{folder}/mode-sets.json"):
             modes = [
                 {name: mode[name] for name in _MODE}
@@ -317,7 +318,8 @@ class _Import:
                 if mode["frequency_hz"] > 0
             ]
             if modes:
-                self.ids[_id(one)] = campaign.new_mode_set(one["name"], modes).id
+                about = {name: one[name] for name in ("excitation",) if name in one}
+                self.ids[_id(one)] = campaign.new_mode_set(one["name"], modes, **about).id
 
     def hits(self, campaign: Campaign, folder: str) -> None:
         """The hits, and what was decided of them by hand; what is left of a hit without force or
@@ -344,6 +346,17 @@ class _Import:
                     hit = {name: one[name] for name in ("point", "direction", "hit")}
                     why = f"{one['why']} ({one['by']}, {one['created_at'][:10]})"[-2000:]
                     campaign.judge(hit, good=one["good"], why=why)
+
+    def recordings(self, campaign: Campaign, folder: str) -> None:
+        """Recordings of responses, from the files that were sent; a processing makes their spectra
+        anew.
+        """
+        archive, listed = self.archive, f"{folder}/recordings.json"
+        for one in archive.json(listed) if archive.has(listed) else ():
+            original = f"{folder}/recordings/{_id(one)}/original"
+            with archive.unpacked(original, Path(one["filename"]).name) as file:
+                campaign.import_file(file, kind="responses", mapping=one["mapping"])
+            self.ids[_id(one)] = campaign.recordings()[-1].id
 
     def monitor(self, structure: Structure, was: Mapping[str, Any]) -> None:
         """A monitor, at rest and without the addresses of its mail: nobody has asked this service

@@ -402,15 +402,19 @@ class Campaign(Editable):
         job = self._make(Processing, options)
         return job.wait().check() if wait else job
 
-    def new_mode_set(self, name: str, modes: Sequence[Mapping[str, Any]]) -> ModeSet:
+    def new_mode_set(
+        self, name: str, modes: Sequence[Mapping[str, Any]], excitation: str = "measured"
+    ) -> ModeSet:
         """Type in modes that were found elsewhere.
 
         Args:
             name: of the set.
             modes: each with `frequency_hz`, and where known `damping_ratio`, `frequency_sd_hz`,
                 `damping_sd`, `shape`.
+            excitation: `unmeasured` where they were found in responses alone, so that shapes are
+                unscaled.
         """
-        body = {"name": name, "modes": [dict(mode) for mode in modes]}
+        body = {"name": name, "modes": [dict(mode) for mode in modes], "excitation": excitation}
         return self._make(ModeSet, body)
 
     def mode_sets(self) -> list[ModeSet]:

@@ -76,7 +76,13 @@ def create_mode_set(session: Session, user: User, campaign_id: UUID, body: ModeS
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     book(session, campaign_for, campaign, "modes", len(body.model_dump_json()))
-    mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
+    mode_set = ModeSet(
+        campaign_id=campaign.id,
+        name=body.name,
+        origin="typed",
+        details={},
+        excitation=body.excitation,
+    )
     store(session, mode_set, map(_stated, sorted(body.modes, key=lambda mode: mode.frequency_hz)))
     session.refresh(mode_set)
     mode_set_for.note(session, user, mode_set, "create", name=body.name)

@@ -71,6 +71,12 @@ class ModeSetIn(RequestModel):
 
     name: Name
     modes: LongList[ModeIn] = Field(min_length=1, max_length=10_000)
+    excitation: Excitation = Field(
+        "measured",
+        description=(
+            "unmeasured: found in responses to loads that nobody measured; shapes are unscaled"
+        ),
+    )
 
 
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
