@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -12,17 +12,30 @@ from pydantic import BaseModel
 
 from fecore.body.specimen import CONSTANTS
 from service.nouns.campaigns.schemas import CampaignIn
+from service.nouns.coupons.schemas import CouponIn
+from service.nouns.instruments.routes import InstrumentIn
+from service.nouns.monitors.schemas import MonitorIn
 from service.nouns.structures.schemas import StructureIn
 from service.nouns.updates.schemas import RecipeIn
 from service.pages.numbers import words
-from service.pages.quantities import units_of_field
-from service.platform.web.quantities import UNITS
+from service.pages.quantities import SENT, units_of_field
 from service.platform.web.typed import SHOWN_AS, in_words
 
 CHECKED_LIST = "choices"
+_SI = re.compile(r"^(?:kg/m³|kg|m|Pa)(?:[;,] |(?= along)|$)")
+"""The unit that REST has, at the beginning of what it says of a member; a field has its own."""
 OF_PARAMETER = ("prior_mean", "prior_sd")
 """Members in the unit of the parameter that their row names."""
 SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
+FORMATS = {"date-time": "datetime-local", "date": "date"}
+ASKED: dict[str, type[BaseModel]] = {
+    "structures": StructureIn,
+    "campaigns": CampaignIn,
+    "coupons": CouponIn,
+    "instruments": InstrumentIn,
+    "monitors": MonitorIn,
+}
+"""Bodies whose members forms ask for by their names."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +52,7 @@ class FormField:
     fields: list[FormField] = field(default_factory=list)  # of a group, or of one row of a table
     nullable: bool = False  # whether nothing can be said
     of: str = ""  # question of the same row that names the parameter in whose unit the value is
+    required: bool = False  # whether it must be answered where it is asked
 
     @property
     def placeholder(self) -> str:
@@ -75,12 +89,15 @@ class _Schema:
     choices: Mapping[str, list[tuple[str, str]]]
 
     def members(self, node: Mapping[str, Any], prefix: str) -> list[FormField]:
+        must = node.get("required", ())
         return [
-            self._field(prefix + name, name, inner)
+            self._field(prefix + name, name, inner, required=name in must)
             for name, inner in node.get("properties", {}).items()
         ]
 
-    def _field(self, name: str, label: str, outer: Mapping[str, Any]) -> FormField:
+    def _field(
+        self, name: str, label: str, outer: Mapping[str, Any], *, required: bool
+    ) -> FormField:
         node, nullable = self._resolved(outer), False
         if "anyOf" in node:
             kinds = [self._resolved(option) for option in node["anyOf"]]
@@ -93,6 +110,7 @@ class _Schema:
             "default": outer.get("default"),
             "nullable": nullable,
             "of": "name" if label in OF_PARAMETER else "",
+            "required": required,
         }
         if name in self.choices:
             return FormField(kind="select", options=self.choices[name], **common)
@@ -104,7 +122,8 @@ class _Schema:
             return FormField(kind="group", fields=self.members(node, f"{name}/"), **common)
         if node.get("type") == "array":
             return self._list(node, common)
-        return FormField(kind=SIMPLE.get(node.get("type", ""), "text"), **common)
+        kind = FORMATS.get(node.get("format", "")) or SIMPLE.get(node.get("type", ""), "text")
+        return FormField(kind=kind, **common)
 
     def _list(self, node: Mapping[str, Any], common: dict[str, Any]) -> FormField:
         if "prefixItems" in node:
@@ -126,13 +145,59 @@ class _Schema:
         return node
 
 
+@cache
+def _asked(noun: str) -> dict[str, FormField]:
+    """The questions of a body by their names, those within groups too."""
+    named: dict[str, FormField] = {}
+
+    def gather(fields: list[FormField]) -> None:
+        for one in fields:
+            named[one.name] = one
+            if one.kind != "table":
+                gather(one.fields)
+
+    gather(fields_of(ASKED[noun], {}))
+    return named
+
+
+def asked(noun: str, names: str, prefix: str = "") -> list[FormField]:
+    """Questions of a form, by the names of members of a body, parted by blanks; those with `*` are
+    the members of a group. Each is called by its name behind the prefix.
+    """
+    fields = []
+    for name in names.split():
+        field = _asked(noun)[name.removesuffix("/*")]
+        fields += field.fields if name.endswith("/*") else [field]
+    return [_behind(prefix, one) for one in fields]
+
+
+def _behind(prefix: str, one: FormField) -> FormField:
+    inner = one.fields if one.kind == "table" else [_behind(prefix, each) for each in one.fields]
+    return replace(one, name=prefix + one.name, fields=inner)
+
+
 def _without_json(text: str) -> str:
     """What the contract says of a member, for someone who fills in a field and writes no JSON.
 
-    >>> _without_json("1/τ; null: nobody knows")
-    '1/τ; empty: nobody knows'
+    >>> _without_json("1/τ; null: nobody knows"), _without_json("m, at its end")
+    ('1/τ; empty: nobody knows', 'at its end')
     """
-    return re.sub(r"\bnull\b", "empty", text).replace("`{}` will do", "everything may stay empty")
+    plain = re.sub(r"; \[\]: [^;]*", "", re.sub(r"\bnull\b", "empty", text)).replace(
+        "`{}` will do", "everything may stay empty"
+    )
+    return _SI.sub("", plain)
+
+
+OWN_LABELS = {
+    "performed_at": "Performed (local time)",
+    "strength_Pa": "Strength [MPa]",
+    "ultimate_strain": "Ultimate strain [%]",
+    "sensor_mass_kg": "Mass of the sensor [g]",
+    "sensor_point": "Sensor at grid point",
+    "window_rate_per_s": "Exponential window, 1/τ [1/s]",
+    "serial": "Serial number",
+}
+"""Where people call a member otherwise than its name does."""
 
 
 def _label(name: str) -> str:
@@ -141,11 +206,13 @@ def _label(name: str) -> str:
     >>> _label("band_hz"), _label("mass_kg")
     ('Band [Hz]', 'Mass [g]')
     """
-    for ending, unit in UNITS.items():
+    if name in OWN_LABELS:
+        return OWN_LABELS[name]
+    for ending, unit in SENT.items():
         if name.endswith(ending):
             return f"{_label(name.removesuffix(ending))} [{SHOWN_AS.get(unit, unit)}]"
     text = words(name).replace(" sd", " standard deviation")
-    return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")
+    return re.sub(r"^Nu ?", "ν", text[:1].upper() + text[1:])
 
 
 @cache

@@ -263,7 +263,7 @@ def test_pieces_masses_and_what_things_are_found_by_are_corrected(
         assert (now["version"], now["material"]) == (2, MATERIAL)
         page.goto(f"/ui/edit/campaigns/{campaign}")
         page.wait_for_selector("button:has-text('Save what was changed'):enabled")
-        page.click("[data-rows='instruments/added_masses'] button:has-text('Add a mass')")
+        page.click("[data-rows='instruments/added_masses'] button:has-text('Add one')")
         page.fill("[name='instruments/added_masses/1/x_m']", "250")
         page.fill("[name='instruments/added_masses/1/mass_kg']", "8")
         assert (overflow(seen), hindrances(page)) == (0, [])
