@@ -31,6 +31,7 @@ from service.nouns.structures.model_routes import router as models
 from service.nouns.structures.operations import structure_for
 from service.nouns.structures.routes import router as structures
 from service.nouns.updates.alignment import router as alignment
+from service.pages.report import router as reports
 from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
 from service.platform.access.routes import router as access
@@ -47,7 +48,7 @@ NAMED = (imports, updating)
 ROUTERS: tuple[APIRouter, ...] = (
     access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
     frfs, records, recordings, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans,
-    search, saved_searches, archives, results, measured_figures, monitoring, webhooks,
+    search, saved_searches, archives, results, reports, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""
 

@@ -13,6 +13,7 @@ from service.figures.colors import Theme
 from service.figures.marks import Figure
 from service.figures.paper import MEDIA_TYPES, Format, render
 from service.platform.errors import NotFound
+from service.platform.web.middleware import NOTHING
 from service.platform.web.parameters import not_modified
 from service.platform.web.routing import require_used
 
@@ -94,6 +95,8 @@ class FigureRequest:
                 return unchanged
         if self.file_format != "plotly":
             headers["Content-Disposition"] = f'inline; filename="{name}.{self.file_format}"'
+        if self.file_format == "svg":  # a large matrix is a picture within the drawing
+            headers["Content-Security-Policy"] = f"{NOTHING}; img-src data:"
         body = render(draw(), self.file_format, self.theme)
         return Response(body, media_type=MEDIA_TYPES[self.file_format], headers=headers)
 

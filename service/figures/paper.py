@@ -52,6 +52,7 @@ DPI = 200
 PIXELS_AN_INCH = 100.0
 _MARGINS = {"l": 84, "r": 21, "t": 45, "b": 85}
 _LETTERS_ACROSS = 80  # of names below an axis, from which they lean
+MOST_SQUARES = 2500  # of a matrix, that a drawing has one by one
 _LEGEND_LETTERS = 128  # of a legend's line
 _RC: Any = {
     "font.size": 8,
@@ -63,8 +64,12 @@ _RC: Any = {
 }
 
 
-def render(figure: Figure, file_format: Format, theme: Theme = "light", dpi: int = DPI) -> bytes:
-    """A figure as a file; `plotly` is the JSON of `screen`, `dpi` the resolution of a PNG."""
+def render(
+    figure: Figure, file_format: Format, theme: Theme = "light", *, letters: bool = False
+) -> bytes:
+    """A figure as a file; `plotly` is the JSON of `screen`. With `letters` a drawing has its words as
+    text, for a reader that has the font.
+    """
     if file_format == "plotly":
         return json.dumps(screen(figure, theme), allow_nan=False, separators=(",", ":")).encode()
     from matplotlib import rc_context
@@ -73,8 +78,8 @@ def render(figure: Figure, file_format: Format, theme: Theme = "light", dpi: int
         file_format
     ]
     buffer = io.BytesIO()
-    with rc_context(_RC):
-        draw(figure, theme).savefig(buffer, format=file_format, dpi=dpi, metadata=metadata)
+    with rc_context(_RC | ({"svg.fonttype": "none"} if letters else {})):
+        draw(figure, theme).savefig(buffer, format=file_format, dpi=DPI, metadata=metadata)
     return _without_styles(buffer.getvalue()) if file_format == "svg" else buffer.getvalue()
 
 
@@ -97,20 +102,6 @@ def _without_styles(svg: bytes) -> bytes:
     if usual is not None:  # what all elements have, they inherit
         svg = _SHEET.sub(b"", svg).replace(b"<svg ", b"<svg" + attributes(usual) + b" ", 1)
     return _STYLE.sub(attributes, svg)
-
-
-def pixels(figure: Figure, dpi: int = DPI) -> Any:
-    """A figure as (height, width, 3) bytes of red, green and blue, for a program that stores
-    pictures itself.
-    """
-    from matplotlib import rc_context
-
-    with rc_context(_RC):
-        sheet = draw(figure)
-        sheet.set_dpi(dpi)
-        canvas: Any = sheet.canvas
-        canvas.draw()
-        return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
 def draw(figure: Figure, theme: Theme = "light") -> Sheet:
@@ -378,6 +369,8 @@ class Pen:
             "vmax": scale.high,
             "edgecolors": "#ffffff",
             "linewidth": 0.5,
+            # as a picture within a drawing: thousands of squares took 4 MB and most of the time
+            "rasterized": values.size > MOST_SQUARES,
         }
         drawn = self.axes.pcolormesh(*edges, values, **look)
         size = float(np.clip(60 / max(values.shape), 3, 7))

@@ -1,17 +1,20 @@
 """What a result opens with: the few findings that change what one would do, each with where it is
-mended; the rest as notes.
+mended, the rest as notes; how well the model agrees.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from fecore.correlation import CRITERIA
 from fecore.findings import Finding, Place, alike, likewise
 from fecore.normal import Z_95
 from fecore.updating.known_findings import FINDINGS, SECTION_OF
 from service.pages.forms import page_words
-from service.pages.numbers import in_unit
+from service.pages.numbers import in_unit, mean, number
 
+OF_FRFS = [each for each in CRITERIA.values() if each.of == "FRFs"]
 MOST = 3  # findings that a result opens with; a reader does not act on a longer list
 PLACES: dict[Place, tuple[str, str]] = {
     "campaign": ("ui/edit/campaigns/{campaign}", "Edit the campaign"),
@@ -143,3 +146,24 @@ def bar(row: Mapping[str, Any]) -> Bar | None:
     return Bar(
         prior and span(prior), span((low, high)), round(place(row["estimate"]), 2), initial, words
     )
+
+
+def agreement(result: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """How well the model agrees: name, before and after the update."""
+    modes, correlation = result["modes"], result.get("correlation") or {}
+    pairs = [m for m in modes if m["updated_hz"] and m["initial_hz"]]
+    rows = []
+    if pairs:
+        before, after = (
+            math.sqrt(mean([(m[name] / m["measured_hz"] - 1) ** 2 for m in pairs]) or 0.0)
+            for name in ("initial_hz", "updated_hz")
+        )
+        rows.append(("Frequencies, rms", f"{100 * before:.2g}", f"{100 * after:.2g} %"))
+    if shapes := [m["mac"] for m in modes if m["mac"] is not None]:
+        rows.append(("MAC, least", "", number(min(shapes), 3)))
+    initial = correlation.get("initial") or {}
+    for each in OF_FRFS:
+        if mean(correlation.get(each.member)) is not None:
+            was, now = (number(mean(of.get(each.member)), 2) for of in (initial, correlation))
+            rows.append((f"{each.label}, mean", was, now))
+    return rows

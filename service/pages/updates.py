@@ -4,7 +4,6 @@ result; and the next tests.
 Lists everywhere name update jobs by what they belong to.
 """
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +14,6 @@ from uuid import UUID
 from fastapi import Query
 from fastapi.responses import HTMLResponse
 
-from fecore.correlation import CRITERIA
 from service.figures.marks import counted
 from service.nouns.campaigns import routes as campaigns
 from service.nouns.campaigns.operations import campaigns_of
@@ -35,10 +33,10 @@ from service.nouns.updates.operations import (
 )
 from service.nouns.updates.outdated import outdated
 from service.nouns.updates.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
-from service.pages.findings import opening
+from service.pages.findings import OF_FRFS, agreement, opening
 from service.pages.forms import OF_PARAMETER, fields_of
 from service.pages.look import Visit, VisitDep
-from service.pages.numbers import leaves, mean, number
+from service.pages.numbers import leaves
 from service.pages.quantities import units_of_parameter
 from service.pages.viewer import viewer_of
 from service.platform.access import routes as access
@@ -116,7 +114,6 @@ def over_time(
 
 router = page_router(UI)
 MOST = 100  # rows of a list on a page
-OF_FRFS = [each for each in CRITERIA.values() if each.of == "FRFs"]
 PRINCIPAL = (
     "mode_set",
     "prior_from_coupon_batch",
@@ -247,7 +244,7 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         outdated=outdated(visit.session, row, result),
         viewer=_viewer(visit, campaign, job_id, result),
         of_frfs=OF_FRFS,
-        agreement=_agreement(result),
+        agreement=agreement(result),
         recipe=list(
             leaves(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True))
         ),
@@ -334,27 +331,6 @@ def _downloads(common: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
             for program in get_args(Program):
                 yield f"{address}/cards?format={program}", "Deck", program.capitalize()
     yield f"{address}/result", "Result", "JSON"
-
-
-def _agreement(result: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """How well the model agrees: name, before and after the update."""
-    modes, correlation = result["modes"], result.get("correlation") or {}
-    pairs = [m for m in modes if m["updated_hz"] and m["initial_hz"]]
-    rows = []
-    if pairs:
-        before, after = (
-            math.sqrt(mean([(m[name] / m["measured_hz"] - 1) ** 2 for m in pairs]) or 0.0)
-            for name in ("initial_hz", "updated_hz")
-        )
-        rows.append(("Frequencies, rms", f"{100 * before:.2g}", f"{100 * after:.2g} %"))
-    if shapes := [m["mac"] for m in modes if m["mac"] is not None]:
-        rows.append(("MAC, least", "", number(min(shapes), 3)))
-    initial = correlation.get("initial") or {}
-    for each in OF_FRFS:
-        if mean(correlation.get(each.member)) is not None:
-            was, now = (number(mean(of.get(each.member)), 2) for of in (initial, correlation))
-            rows.append((f"{each.label}, mean", was, now))
-    return rows
 
 
 def _tabs() -> dict[str, list[str]]:

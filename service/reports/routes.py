@@ -1,10 +1,8 @@
-"""Routes of what is shown of a result: predicted FRFs, the updated model's deck, figures and the
-report.
-"""
+"""Routes of what is shown of a result: predicted FRFs, the updated model's deck, figures."""
 
 from collections.abc import Mapping
 from hashlib import sha256
-from typing import IO, Annotated, Any, Literal
+from typing import IO, Annotated, Any
 from uuid import UUID
 
 from anyio import from_thread
@@ -24,19 +22,16 @@ from service.nouns.frfs.data import require_order
 from service.nouns.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
 from service.nouns.structures.model_routes import MESH_FILES, MeshForm
 from service.nouns.updates.operations import joint_update_for, update_job_for
-from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router
+from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
 from service.platform.queue.subprocess_read import read_in_subprocess
 from service.platform.web.downloads import spooled
 from service.platform.web.parameters import form_of, not_modified
-from service.reports.as_html import POLICY, as_html
-from service.reports.as_pdf import as_pdf
 from service.reports.decks import SUFFIXES, Element, Program, deck_order, written_deck
 from service.reports.figure_data import FigureQuery, UpdateFigures
 from service.reports.figures import FIGURES, FIGURES_OF_SEVERAL, draw_figure
 from service.reports.named_figure import NamedFigure
 from service.reports.predictions import FrfQuery, Model, predicted_table
-from service.reports.reporting import report_of
 from service.reports.space import (
     At,
     ResultMeshOut,
@@ -47,10 +42,6 @@ from service.reports.space import (
 )
 
 router = api_router(tags=["update jobs"])
-
-REPORTS: dict[int | str, dict[str, Any]] = {
-    200: {"description": "The report.", "content": {"text/html": {}, "application/pdf": {}}}
-}
 
 Mode = Annotated[int | None, Query(ge=1, le=10_000)]
 _OF_FIGURES = {name for figure in FIGURES.values() for name in figure.query}
@@ -232,32 +223,6 @@ def get_result_shape(
     if model is not None and measured is None:
         return model_shape(data, model)
     raise Invalid("measured", "or model must be named, one of them")
-
-
-@router.get("/update-jobs/{job_id}/report", response_class=Response, responses=REPORTS)
-def get_report(
-    job_id: UUID,
-    session: SessionDep,
-    user: CurrentUser,
-    settings: SettingsDep,
-    file_format: Annotated[
-        Literal["html", "pdf"],
-        Query(alias="format", description="a page that stands alone, or A4 for print"),
-    ] = "html",
-) -> Response:
-    """The report of a result: two pages for who ordered the test, the rest as annex for who checks
-    it.
-    """
-    report = report_of(session, user, update_job_for(session, user, job_id), settings)
-    write, kind = (
-        (as_html, "text/html; charset=utf-8")
-        if file_format == "html"
-        else (as_pdf, "application/pdf")
-    )
-    described = {"Content-Disposition": f'inline; filename="report-{job_id}.{file_format}"'}
-    if file_format == "html":  # it stands alone: no script, styles and pictures within
-        described["Content-Security-Policy"] = POLICY
-    return Response(write(report), media_type=kind, headers=described)
 
 
 @router.get("/joint-updates/{joint_id}/figures")

@@ -20,7 +20,7 @@ from service.pages.example import paper
 from tests.support.lengths import long
 from tests.support.rest import ok, plain_client
 
-REPORTS = ("report", "report?format=pdf")
+REPORTS = ("report?format=pdf",)
 FORMATS = ("plotly", "svg", "png", "pdf")
 SIZES = [long(*size, FORMATS, REPORTS) for size in product((1, 2, 3, 5, 12), (1, 2, 4, 8))]
 

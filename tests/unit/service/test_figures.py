@@ -34,8 +34,6 @@ from service.figures.trend import series_figure
 from service.figures.updates import OTHERS, budget_figure, parameters_figure
 from service.nouns.monitors.runs import unit_of
 from service.platform.errors import Conflict, NotFound
-from service.reports.as_pdf import as_pdf
-from service.reports.blocks import Picture, Report
 from service.reports.figure_data import FigureQuery, UpdateFigures, _row_at
 from service.reports.figures import FIGURES, _shapes, draw_figure, draw_sheets
 from service.tasks.judge.compute import Observation
@@ -309,12 +307,6 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
     assert [len(rows) for rows in numbers] == sheets
     assert [number for rows in numbers for number in rows] == list(range(1, min(count, 40) + 1))
     assert max(sheets) <= MOST_ROWS
-    if count == MOST_ROWS + 1:
-        printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
-        assert printed.count(b"/Subtype /Image") == len(sheets)
-        # than a page: it is drawn smaller
-        higher = draw_figure(FIGURES, many_modes(count), "shapes", FigureQuery())
-        assert as_pdf(Report("r", "", [Picture(higher, 1.0)])).count(b"/Type /Page\n") == 1
     if count == 41:
         assert draw_figure(FIGURES, many_modes(41), "shapes", FigureQuery()).title.endswith(
             "the first 40 of 41 pairs"

@@ -4,14 +4,15 @@ database.
 
 import asyncio
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
+from html import unescape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.image import imsave
+from PIL import Image
 from pydantic import ValidationError
 from pypdf import PdfReader
 from starlette.datastructures import Headers
@@ -20,29 +21,20 @@ from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats.records import TimeBlock
 from modalbase.objects.people import People
+from service.figures.marks import words
+from service.figures.typeset import Document, typeset
 from service.nouns.campaigns.schemas import CampaignInputs
 from service.nouns.frfs.data import MeasuredFrfs
 from service.nouns.monitors.schemas import WatchedIn
 from service.nouns.records.operations import RecordIntake
 from service.nouns.updates.schemas import InputsIn
+from service.pages.report import FOLDER
+from service.pages.report_content import MOST_MODES, content_of
 from service.platform.errors import Invalid, NotFound, UnsupportedMediaType
 from service.platform.queue.worker import _clear_if_dead, run_to_end
 from service.platform.settings import Settings
 from service.platform.web.middleware import RequestMiddleware
 from service.platform.web.routing import _require_json
-from service.reports.as_html import as_html
-from service.reports.as_pdf import as_pdf
-from service.reports.blocks import (
-    Bullets,
-    Heading,
-    Letterhead,
-    PageBreak,
-    Paragraph,
-    Report,
-    Table,
-)
-from service.reports.reporting import _letterhead
-from service.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.tasks.update.batches import _placed
 
 
@@ -224,7 +216,7 @@ def a_mode(number: int) -> dict[str, Any]:
     )
 
 
-def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any]:
+def a_report(modes: int, structure: dict[str, Any], **document: Any) -> dict[str, Any]:
     result = {
         "parameters": [], "modes": [a_mode(number) for number in range(modes)], "outcomes": [], "warnings": [],
         "band_hz": None, "correlation": {"initial": None, "sac": []},
@@ -241,69 +233,54 @@ def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any
         "name": "c", "boundary": "free", "performed_at": None, "temperature_c": None, "humidity_percent": None,
         "instruments": {"sensor_mass_kg": 0.002},
     }  # fmt: skip
-    facts = UpdateFacts(result | document, "p", body | structure, campaign, 0)
-    return list(update_report(facts, lambda _: (), {}).blocks)
-
-
-def texts(blocks: list[Any], kind: Callable[..., Any]) -> list[str]:
-    return [block.text for block in blocks if isinstance(block, kind)]
+    return content_of(result | document, body | structure, campaign, "p", {})
 
 
 def test_a_report_of_little_and_of_much() -> None:
     little = a_report(1, {}, verdict={"sentence": "Fair.", "level": "with_care", "reasons": []})
-    assert texts(little, Heading)[:3] == ["Updated model: s", "Specimen and test", "Parameters"]
-    assert "Warnings" not in texts(little, Heading)
-    assert "No FRF is predicted, as the damping was not fitted." in texts(little, Paragraph)
-    rows = {
-        row[0]: row[1]
-        for block in little
-        if isinstance(block, Table)
-        for row in block.rows
-        if len(row) == 2
-    }
-    assert rows["section"] == "equivalent orthotropic plate"
-    assert rows["instruments"] == "sensor of 2 g"
+    assert (little["title"], little["notes"], little["more_modes"]) == ("s", [], "")
+    assert little["without_frf"] == "No FRF is predicted, as the damping was not fitted."
+    facts = dict(little["facts"]["rows"])
+    assert facts["Section"] == "equivalent orthotropic plate"
+    assert facts["Instruments"] == "sensor of 2 g"
     verdict = {"sentence": "Good.", "level": "usable", "reasons": ["It fits."]}
     plies = {"plies": [{"angle_deg": 45}] * 17}
     more = {"warnings": ["Look."], "outcomes": [{"stage": "damping", "message": "too short"}]}
     much = a_report(MOST_MODES + 2, {"laminate": plies}, verdict=verdict, **more)
-    assert f"The annex lists all {MOST_MODES + 2} modes." in texts(much, Paragraph)
-    assert {"Warnings", "All modes"} <= set(texts(much, Heading))
-    assert "No FRF is predicted, as the damping was not fitted: too short." in texts(
-        much, Paragraph
-    )
-    assert [list(block.items) for block in much if isinstance(block, Bullets)] == [
-        ["It fits."],
-        ["Look."],
-    ]
-    assert sum(isinstance(block, PageBreak) for block in much) == 2
-    rows = {
-        row[0]: row[1]
-        for block in much
-        if isinstance(block, Table)
-        for row in block.rows
-        if len(row) == 2
+    assert much["more_modes"] == f"The annex lists all {MOST_MODES + 2} modes."
+    assert [table["title"] for table in much["tables"]] == ["All modes", "Recipe", "Origin"]
+    assert much["without_frf"] == "No FRF is predicted, as the damping was not fitted: too short."
+    assert much["notes"] == ["It fits.", "Look."]
+    section = dict(much["facts"]["rows"])["Section"]
+    assert section.startswith("laminate of 17 plies [45/45/")
+    assert section.endswith("/…]")
+
+
+def test_a_report_has_laboratory_and_photographs_of_any_kind() -> None:
+    """Names and captions are words, whatever a typesetter or a browser takes them for; a file that
+    is no picture is left out.
+    """
+    kinds = ("png", "jpeg", "webp")
+    photos = {"logo": b"GIF89a", "photo-3": b"\xff\xd8\xff no JPEG"}
+    for k, kind in enumerate(kinds):
+        Image.new("RGB", (3000, 40), "red").save(written := io.BytesIO(), kind)
+        photos[f"photo-{k}"] = written.getvalue()
+    caption = "#panic() $x$ <script> 中文 \\ *b*"
+    shown = [{"file": f"photo-{k}.jpg", "caption": f"{caption} {k}"} for k in range(4)]
+    verdict = {"sentence": caption, "level": "usable", "reasons": []}
+    content = a_report(1, {"name": "n" * 300}, verdict=verdict) | {
+        "laboratory": {"name": caption, "address": ["First Street 1", "Town"]},
+        "photos": shown,
     }
-    assert rows["section"].startswith("laminate of 17 plies [45/45/")
-    assert rows["section"].endswith("/…]")
-
-
-def test_a_report_has_the_laboratorys_name_on_top(tmp_path: Path) -> None:
-    logo = tmp_path / "logo.png"
-    imsave(logo, np.zeros((20, 60, 3)))
-    settings = Settings(
-        laboratory="Lab & Co", laboratory_address="First Street 1; Town", laboratory_logo=logo
-    )
-    head = _letterhead(settings)
-    assert head == Letterhead("Lab & Co", ["First Street 1", "Town"], logo.read_bytes())
-    report = Report("r", "", [head, Heading("Title", 1)])
-    page = as_html(report).decode()
-    assert page.index("Lab &amp; Co</strong><br>First Street 1<br>Town") < page.index("<h1>Title")
-    assert "data:image/png;base64," in page
-    printed = as_pdf(report)
-    assert b"/Subtype /Image" in printed
-    assert "First Street 1" in PdfReader(io.BytesIO(printed)).pages[0].extract_text()
-    assert _letterhead(Settings()) is None
+    files = (FOLDER.joinpath(f"report.{each}").read_bytes() for each in ("typ", "css"))
+    document = Document(*files, content, {"frf-0": words("title", "sentence")}, photos)
+    page = typeset(document, "html").decode()
+    assert page.count("data:image/jpeg") == len(kinds)
+    for text in (f"<strong>{caption}</strong>", "First Street 1<br>Town"):
+        assert text in unescape(page)
+    printed = PdfReader(io.BytesIO(typeset(document, "pdf")))
+    assert "First Street 1" in printed.pages[0].extract_text()
+    assert sum(len(sheet.images) for sheet in printed.pages) == len(kinds)
 
 
 @pytest.mark.parametrize("content", [b"GIF89a", None])
