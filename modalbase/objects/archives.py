@@ -18,6 +18,7 @@ from uuid import UUID
 
 from modalbase.client.errors import ClientError
 from modalbase.objects.archive_file import ArchiveFile, broken
+from modalbase.objects.files import send_file
 from modalbase.objects.jobs import Import
 from modalbase.objects.search import SearchResults
 
@@ -58,8 +59,8 @@ class Imported:
     """What came of an archive.
 
     Attributes:
-        ids: of instruments, structures, coupon batches, coupons, monitors, campaigns, time blocks
-            and mode sets: as they were, to as they are.
+        ids: of instruments, structures, coupon batches, coupons, monitors, campaigns, time blocks,
+            mode sets and attachments: as they were, to as they are.
         results: paths in the archive of results, which stay there: a service has the results that
             it computed.
     """
@@ -137,6 +138,7 @@ class _Import:
         self.made: list[Structure] = []
         self.calibrations_before: dict[str, list[Any] | None] = {}
         self.unique, self.name = unique, ""
+        self.attached: list[str] = []  # to the project itself
 
     def undo(self) -> None:
         """Take back what was made: structures with all that is theirs, instruments,
@@ -150,6 +152,8 @@ class _Import:
             except ClientError as error:
                 if error.status != HTTPStatus.FORBIDDEN:  # this key may not: it stays deleted
                     raise
+        for key in self.attached:
+            call("DELETE", f"attachments/{key}")
         for key, calibrations in self.calibrations_before.items():
             if calibrations is None:
                 call("DELETE", f"instruments/{key}", headers={"If-Match": "*"})
@@ -167,6 +171,9 @@ class _Import:
         if archive.has("instruments.json"):
             self.instruments(archive.json("instruments.json"))
         self.below(structures)
+        if archive.has("attachments.json"):
+            for one in archive.json("attachments.json"):
+                self.attachment(one)
         if self.name:
             call = self.project.lab.connection.call
             call("PATCH", self.made[0].address, json={"name": self.name}, headers={"If-Match": "*"})
@@ -203,6 +210,26 @@ class _Import:
                 self.project.change_instrument(
                     known["id"], calibrations=[*known["calibrations"], *more]
                 )
+
+    def attachment(self, was: Mapping[str, Any]) -> None:
+        """A file beside what is there now; one beside a result stays in the archive with it."""
+        path, key = self.project.address, None
+        for noun in ("structure", "campaign", "monitor"):
+            if (key := was[f"{noun}_id"]) is not None:
+                path = f"{noun}s/{self.ids[key]}"
+                break
+        if key is None and was["update_job_id"] is not None:
+            return
+        with self.archive.unpacked(f"attachments/{_id(was)}/file", str(was["name"])) as file:
+            sent = send_file(
+                self.project.lab.connection,
+                f"{path}/attachments",
+                file,
+                caption=was["caption"] or None,
+            )
+        self.ids[_id(was)] = sent["id"]
+        if key is None:
+            self.attached.append(sent["id"])
 
     def structure(self, was: Mapping[str, Any]) -> Structure:
         """A structure with its deck and its coupons."""

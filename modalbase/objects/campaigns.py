@@ -20,7 +20,7 @@ from modalbase.objects.jobs import (
     UpdateJob,
     update_jobs,
 )
-from modalbase.objects.thing import Editable, Figure, Table, Thing
+from modalbase.objects.thing import Attached, Editable, Figure, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.formats.records import Place
@@ -88,7 +88,7 @@ class Recording(Thing):
 POINT = ("label", "x_m", "y_m", "z_m")
 
 
-class Campaign(Editable):
+class Campaign(Attached, Editable):
     """Measurements of a structure under one boundary condition."""
 
     noun = CAMPAIGN

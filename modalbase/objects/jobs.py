@@ -22,7 +22,7 @@ from modalbase.client.results import (
 from modalbase.formats.registry import FRF_SUFFIXES
 from modalbase.objects.files import MESH_FORMATS, REPORTS, SOLVERS
 from modalbase.objects.finding import MODE_SET, Kind, find_job, uuid_of
-from modalbase.objects.thing import Access, Addressed, Figure, Table, Thing
+from modalbase.objects.thing import Access, Addressed, Attached, Figure, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -427,7 +427,7 @@ class Identification(Stoppable):
         return ModeSet(self.lab, self.lab.connection.get(ModeSet.noun.path.format(id_)))
 
 
-class UpdateJob(Drawn, Stoppable):
+class UpdateJob(Attached, Drawn, Stoppable):
     """The updating of a structure's model to a campaign."""
 
     noun = Kind("update", "update-jobs/{}", "campaigns/{}/update-jobs")
@@ -451,7 +451,7 @@ class UpdateJob(Drawn, Stoppable):
         return Result(self.lab, self.fields["id"], self._get("result"))
 
     def report(self, file: str | Path) -> Path:
-        """Write its report: two pages for a customer, the rest as annex.
+        """Write its report: verdict, parameters, correlation, what to do; the data as annex.
 
         Args:
             file: `.pdf` or `.html`.

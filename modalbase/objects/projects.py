@@ -12,7 +12,7 @@ from modalbase.objects.files import MESH_FORMATS
 from modalbase.objects.finding import PROJECT, STRUCTURE
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.structures import CouponBatch, Forecast, Model, Monitor
-from modalbase.objects.thing import Editable, Table
+from modalbase.objects.thing import Attached, Editable, Table
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
 STRUCTURE_INPUTS = (
@@ -36,7 +36,7 @@ GROUPS = (
 )
 
 
-class Project(Editable):
+class Project(Attached, Editable):
     """A project: structures, and the people who may see them."""
 
     noun = PROJECT
@@ -169,7 +169,7 @@ class Project(Editable):
         self.lab.rest.put_member(self.fields["id"], user, body={"role": role})
 
 
-class Structure(Editable):
+class Structure(Attached, Editable):
     """A specimen with its nominal properties; what was used is kept as a version."""
 
     noun = STRUCTURE

@@ -14,7 +14,7 @@ from modalbase.formats.registry import FRF_SUFFIXES
 from modalbase.objects.files import MESH_FORMATS, format_of, save_file
 from modalbase.objects.finding import BATCH, MONITOR, Kind
 from modalbase.objects.jobs import Job, Stoppable
-from modalbase.objects.thing import Editable, Figure, Table, Thing
+from modalbase.objects.thing import Attached, Editable, Figure, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.objects.frfs import Frfs
@@ -195,7 +195,7 @@ class Forecast(Stoppable):
         )
 
 
-class Monitor(Editable):
+class Monitor(Attached, Editable):
     """A frozen recipe that runs on a structure's campaigns, with control charts of what it
     finds.
     """

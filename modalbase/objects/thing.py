@@ -237,6 +237,45 @@ class Editable(Thing):
         self._call("DELETE", headers={"If-Match": "*"})
 
 
+class Attachment(Thing):
+    """A file beside a project, structure, campaign, update or monitor."""
+
+    noun = Kind("attachment", "attachments/{}", "{}/attachments")
+
+    def save(self, file: str | Path | None = None) -> Path:
+        """Write it to a file, by default of its own name in this folder."""
+        return self._save("file", Path(self.fields["name"]).name if file is None else file)
+
+    def delete(self) -> None:
+        """Remove it for good.
+
+        Raises:
+            ClientError: the service refuses.
+        """
+        self._call("DELETE")
+
+
+class Attached(Thing):
+    """A thing that files may be kept beside."""
+
+    def attach(self, file: str | Path, caption: str = "") -> Attachment:
+        """Keep a file beside it: a photograph, a drawing, notes, anything.
+
+        Args:
+            file: whatever it is; PNG, JPEG, WebP and PDF are shown on pages, and photographs in the
+                report.
+            caption: what it shows.
+
+        Raises:
+            ClientError: the service refuses, for one because the project has no room.
+        """
+        return Attachment(self.lab, self._send("attachments", file, caption=caption or None))
+
+    def attachments(self) -> list[Attachment]:
+        """The files beside it, oldest first."""
+        return [Attachment(self.lab, fields) for fields in self._pages("attachments")]
+
+
 def find_or_create(
     service: Connection,
     kind: Kind,

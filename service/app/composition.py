@@ -12,6 +12,7 @@ from fastapi import APIRouter
 from service.archives.routes import router as archives
 from service.figures.routes import router as measured_figures
 from service.monitoring.routes import router as monitoring
+from service.nouns.attachments.routes import router as attachments
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.campaigns.routes import points_router as grid_points
 from service.nouns.campaigns.routes import router as campaigns
@@ -21,6 +22,7 @@ from service.nouns.frfs.routes import router as frfs
 from service.nouns.imports.purging import router as purging
 from service.nouns.instruments.routes import router as instruments
 from service.nouns.modes.routes import router as mode_sets
+from service.nouns.monitors.runs import monitor_for
 from service.nouns.notifications.routes import router as webhooks
 from service.nouns.recordings.routes import router as recordings
 from service.nouns.records.routes import router as records
@@ -31,6 +33,7 @@ from service.nouns.structures.model_routes import router as models
 from service.nouns.structures.operations import structure_for
 from service.nouns.structures.routes import router as structures
 from service.nouns.updates.alignment import router as alignment
+from service.nouns.updates.operations import update_job_for
 from service.pages.report import router as reports
 from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
@@ -48,7 +51,7 @@ NAMED = (imports, updating)
 ROUTERS: tuple[APIRouter, ...] = (
     access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
     frfs, records, recordings, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans,
-    search, saved_searches, archives, results, reports, measured_figures, monitoring, webhooks,
+    search, saved_searches, archives, attachments, results, reports, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""
 
@@ -56,6 +59,8 @@ FINDERS: dict[str, Finder] = {
     "project_id": project_for,
     "structure_id": structure_for,
     "campaign_id": partial(campaign_for, deleted=True),
+    "update_job_id": update_job_for,
+    "monitor_id": partial(monitor_for, deleted=True),
     "batch_id": batch_for,
     "coupon_id": coupon_for,
 }

@@ -16,6 +16,8 @@ from sqlalchemy.orm import Session
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.frfs.uff import write_uff
 from service.archives.writing import Archive
+from service.nouns.attachments.operations import attached_to, beside_projects
+from service.nouns.attachments.routes import describe as describe_attachments
 from service.nouns.campaigns.operations import campaigns_of, list_points, to_csv
 from service.nouns.campaigns.operations import describe as described_campaign
 from service.nouns.coupons import curves
@@ -78,6 +80,7 @@ def write_archive(
     campaign_ids: Sequence[UUID],
     structure_ids: Sequence[UUID],
     file: IO[bytes],
+    project_ids: Sequence[UUID] = (),
 ) -> None:
     """Write campaigns and structures, whose readers are known to be allowed, to a file.
 
@@ -89,6 +92,7 @@ def write_archive(
         structure_ids: of more structures; where there are any, all instruments are written, else
             those that campaigns name.
         file: takes the zip.
+        project_ids: of projects that are written whole, whose own attachments are written too.
     """
     archive, campaigns = (
         Archive(file, datetime.now(UTC)),
@@ -109,11 +113,13 @@ def write_archive(
         results += _write_results(
             session, archive, campaign, structures[campaign.structure_id].name
         )
+    attached = _write_attachments(session, archive, project_ids, structures, campaigns)
     constants = [name + end for name in CONSTANTS for end in ("", "_sd", "_low", "_high")]
     archive.table("results.csv", [*RESULT_COLUMNS, *constants], results)
     names = {row.id: row.name for row in campaigns} | {
         key: row.name for key, row in structures.items()
     }
+    names |= attached
     archive.close(title, user.name, names)
 
 
@@ -141,6 +147,32 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
     for monitor, item in zip(monitors, described_monitors(session, monitors), strict=True):
         series = series_document(session, monitor, series_for(session, monitor, None))
         archive.json(f"{folder}/monitors/{monitor.id}.json", {"monitor": item, "series": series})
+
+
+def _write_attachments(
+    session: Session,
+    archive: Archive,
+    project_ids: Sequence[UUID],
+    structures: Mapping[UUID, Structure],
+    campaigns: Sequence[Campaign],
+) -> dict[UUID, str]:
+    """Files beside what is in the archive, as they were sent; their names."""
+    monitors = [one.id for key in structures for one in monitors_of(session, key)]
+    of_campaigns = [row.id for row in campaigns]
+    updates = [key for one in of_campaigns for key, _, _ in labelled_results(session, one)]
+    rows = [
+        *beside_projects(session, project_ids),
+        *attached_to(session, structure_id=structures),
+        *attached_to(session, campaign_id=of_campaigns),
+        *attached_to(session, update_job_id=updates),
+        *attached_to(session, monitor_id=monitors),
+    ]
+    for row in rows:
+        with archive.member(f"attachments/{row.id}/file") as target:
+            copy_original(session, row.sha256, target)
+    if rows:
+        archive.json("attachments.json", list(describe_attachments(rows)))
+    return {row.id: row.name for row in rows}
 
 
 def _write_coupons(session: Session, archive: Archive, structure_id: UUID, folder: str) -> None:

@@ -32,7 +32,8 @@ def get_project_archive(project_id: UUID, session: SessionDep, user: CurrentUser
     project = project_for(session, user, project_id)
     structures = structures_in([project.id])
     campaigns = present_campaigns(session, structures)
-    return _archive(session, user, project.name, campaigns, session.scalars(structures).all())
+    below = session.scalars(structures).all()
+    return _archive(session, user, project.name, campaigns, below, [project.id])
 
 
 @router.get("/campaigns/{campaign_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
@@ -62,6 +63,7 @@ def _archive(
     title: str,
     campaigns: Sequence[UUID],
     structures: Sequence[UUID] = (),
+    projects: Sequence[UUID] = (),
 ) -> FileResponse:
     if len(campaigns) > MOST_CAMPAIGNS:
         raise Invalid(
@@ -69,7 +71,9 @@ def _archive(
             f"finds more than {MOST_CAMPAIGNS:,} campaigns, which is as many as an archive has",
         )
     with _snapshot(session):
-        write = partial(write_archive, session, user, title, campaigns, structures)
+        write = partial(
+            write_archive, session, user, title, campaigns, structures, project_ids=projects
+        )
         return spooled(write, MEDIA_TYPE, "archive.zip", {})
 
 

@@ -86,7 +86,7 @@ class Archive:
         Args:
             title: of the archive.
             made_by: who asked for it.
-            names: of structures and campaigns.
+            names: of structures, campaigns and attachments.
         """
         self.json(CRATE, crate(title, self._now, self.files, names))
         head = {"format": FORMAT, "title": title, "software": f"modalbase {__version__}"}
@@ -103,7 +103,7 @@ def _cell(value: Any) -> Any:
 def crate(
     title: str, now: datetime, files: Mapping[str, Mapping[str, Any]], names: Mapping[UUID, str]
 ) -> dict[str, Any]:
-    """The metadata of an RO-Crate: the archive, a data set for each campaign and structure, and
+    """The metadata of an RO-Crate: the archive, a data set for each campaign, structure and attachment, and
     every file.
     """
     folders: dict[str, list[str]] = {}

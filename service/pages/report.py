@@ -5,20 +5,22 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from urllib.parse import quote
 from uuid import UUID
 
 from anyio import from_thread
 from fastapi import Query, Response
 
 from service.figures.typeset import Document, typeset
+from service.nouns.attachments.operations import photos_of
 from service.nouns.campaigns.operations import campaign_of, describe
+from service.nouns.storage.originals import original_chunks
 from service.nouns.structures.models import model_in_short
 from service.nouns.structures.operations import describe_version, structure_of, version_of
 from service.nouns.updates.operations import update_job_for
 from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router, project_for
 from service.platform.queue.subprocess_read import read_in_subprocess
 from service.platform.settings import Settings
+from service.platform.web.downloads import disposition
 from service.reports.bodies import bodies_figure
 from service.reports.figure_data import UpdateFigures
 from service.reports.figures import FIGURES, draw_sheets
@@ -27,6 +29,7 @@ router = api_router(tags=["update jobs"])
 
 FOLDER = Path(__file__).parent / "templates"
 DRAWN_AS_TABLE = "parameters"  # a figure that the table of the report has in its rows
+MOST_PHOTOS, MOST_BYTES = 9, 32 * 1024 * 1024  # of photographs, and of one of them
 REPORTS: dict[int | str, dict[str, Any]] = {
     200: {"description": "The report.", "content": {"text/html": {}, "application/pdf": {}}}
 }
@@ -62,15 +65,28 @@ def get_report(
     project = project_for(session, user, data.job.project_id).name
     test = describe(campaign).model_dump(mode="json")
     content = content_of(data.document, structure, test, project, sheets)
-    content |= {"laboratory": _laboratory(settings), "photos": []}
-    photos: dict[str, bytes] = {}
+    attached = photos_of(session, campaign.structure_id, campaign.id, job_id)[:MOST_PHOTOS]
+    shown = [
+        {"file": f"photo-{k}.jpg", "caption": row.caption or row.name}
+        for k, row in enumerate(attached)
+    ]
+    content |= {"laboratory": _laboratory(settings), "photos": shown}
+    photos = {
+        f"photo-{k}": b"".join(original_chunks(session, row.sha256))
+        for k, row in enumerate(attached)
+        if row.size <= MOST_BYTES
+    }
     if settings.laboratory_logo is not None:
         photos["logo"] = settings.laboratory_logo.read_bytes()
     template, style = (FOLDER.joinpath(f"report.{each}").read_bytes() for each in ("typ", "css"))
     figures = {f"{each}-{k}": one for each in sheets for k, one in enumerate(sheets[each])}
     document = Document(template, style, content, figures, photos)
     made = from_thread.run(read_in_subprocess, typeset, document, file_format)
-    headers = {"Content-Disposition": _disposition(f"{name} {campaign.name}", file_format)}
+    headers = {
+        "Content-Disposition": disposition(
+            _filename(f"{name} {campaign.name}", file_format), inline=True
+        )
+    }
     if file_format == "html":  # it stands alone: no script, styles and pictures within
         headers["Content-Security-Policy"] = _policy()
     kind = "text/html; charset=utf-8" if file_format == "html" else "application/pdf"
@@ -84,16 +100,14 @@ def _laboratory(settings: Settings) -> dict[str, Any] | None:
     return {"name": settings.laboratory, "address": lines}
 
 
-def _disposition(name: str, suffix: str) -> str:
-    """Shown in place; saved under the names of structure and campaign.
+def _filename(name: str, suffix: str) -> str:
+    """Of the report, after structure and campaign.
 
-    >>> print(_disposition("beam 7/a, Prüfung", "pdf"))
-    inline; filename="report-beam-7-a-Prfung.pdf"; filename*=UTF-8''report-beam-7-a-Pr%C3%BCfung.pdf
+    >>> _filename("beam 7/a, Prüfung", "pdf")
+    'report-beam-7-a-Prüfung.pdf'
     """
     parts = "".join(sign if sign.isalnum() or sign in "_." else " " for sign in name).split()
-    filename = f"{'-'.join(['report', *parts])[:120]}.{suffix}"
-    plain = filename.encode("ascii", "ignore").decode()
-    return f"inline; filename=\"{plain}\"; filename*=UTF-8''{quote(filename)}"
+    return f"{'-'.join(['report', *parts])[:120]}.{suffix}"
 
 
 @cache

@@ -80,6 +80,10 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
     batch = made(f"structures/{structure}/coupon-batches", {"name": mark, "constants": ["Ex"]})[
         "id"
     ]
+    attached = made(
+        f"{campaign}/attachments", content=mark.encode(), headers=RAW, params={"filename": mark}
+    )["id"]
+    update = made(f"{campaign}/update-jobs", {})["id"]
     monitor = made(f"structures/{structure}/monitors", {**MONITOR, "name": mark})["id"]
     webhook = made("webhooks", {"project": project, "url": f"{HOOK}?{mark}"})["id"]
     made(f"webhooks/{webhook}/test")
@@ -115,7 +119,9 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
         "forecast_id": made(f"structures/{structure}/forecasts", {})["id"],
         "processing_id": made(f"{campaign}/processings", {})["id"],
         "identification_id": made(f"{campaign}/identifications", {})["id"],
-        "job_id": made(f"{campaign}/update-jobs", {})["id"],
+        "job_id": update,
+        "update_job_id": update,
+        "attachment_id": attached,
         "joint_id": made("update-jobs", both)["joint"]["id"],
         "batch_id": batch,
         "coupon_id": coupon,
@@ -176,7 +182,7 @@ read    viewer  GET /searches/{search_id}
 read    anyone  GET /searches
 read    anyone  GET /search/campaigns/archive
 read    viewer  GET /projects/{project_id}/archive, GET /campaigns/{campaign_id}/archive
-read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
+read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors, GET /search/attachments
 read    anyone  GET /search/results/trend, GET /search/results/trend/figure, GET /search/results/figure
 read    anyone  GET /search/modes/trend, GET /search/modes/trend/figure
 read    anyone  POST /session, DELETE /session
@@ -259,6 +265,14 @@ jobs    editor  POST /monitors/{monitor_id}/runs
 read    viewer  GET /structures/{structure_id}/monitors, GET /monitors/{monitor_id}, GET /monitors/{monitor_id}/runs
 read    viewer  GET /monitors/{monitor_id}/series, GET /monitors/{monitor_id}/series/figure
 read    viewer  GET /monitors/{monitor_id}/deliveries, GET /alarms/{alarm_id}
+
+write   editor  POST /projects/{project_id}/attachments, POST /structures/{structure_id}/attachments
+write   editor  POST /campaigns/{campaign_id}/attachments, POST /update-jobs/{update_job_id}/attachments
+write   editor  POST /monitors/{monitor_id}/attachments, DELETE /attachments/{attachment_id}
+read    viewer  GET /projects/{project_id}/attachments, GET /structures/{structure_id}/attachments
+read    viewer  GET /campaigns/{campaign_id}/attachments, GET /update-jobs/{update_job_id}/attachments
+read    viewer  GET /monitors/{monitor_id}/attachments
+read    viewer  GET /attachments/{attachment_id}, GET /attachments/{attachment_id}/file
 
 admin   anyone  POST /webhooks
 admin   owner   DELETE /webhooks/{webhook_id}

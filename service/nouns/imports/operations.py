@@ -21,7 +21,6 @@ from service.nouns.storage.originals import (
     forget_originals,
     original_sizes,
 )
-from service.nouns.structures.models import models_files
 from service.platform.access import Lookup, User
 from service.platform.db.base import Base
 from service.platform.errors import Conflict
@@ -123,7 +122,7 @@ def remove_import(session: Session, user: User, row: Import) -> None:
         book(session, campaign_for, campaign, "files", -size)
     session.delete(job)
     session.flush()
-    forget_originals(session, select(Import.sha256), models_files())
+    forget_originals(session)
 
 
 def campaigns_with(jobs: Select[UUID]) -> Select[UUID]:

@@ -3,13 +3,10 @@
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.nouns.campaigns.operations import campaign_for
-from service.nouns.imports.operations import Import
 from service.nouns.storage.originals import forget_originals
-from service.nouns.structures.models import models_files
 from service.nouns.structures.operations import structure_for
 from service.platform.access import CurrentUser, Lookup, SessionDep, User, api_router, project_for
 from service.platform.access.lookup import projects
@@ -50,9 +47,9 @@ def _purge(session: Session, user: User, find: Lookup[Any], key: UUID) -> None:
 
 
 def _forget_more(session: Session, project_id: UUID) -> None:
-    """End the jobs that were for what is gone, and remove the original files that no import has any
+    """End the jobs that were for what is gone, and remove the original files that nothing has any
     more.
     """
     session.flush()
     cancel_purged(session, project_id)
-    forget_originals(session, select(Import.sha256), models_files())
+    forget_originals(session)

@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, Double, FromClause, and_, func, select
 from fecore.frf import Quantity
 from fecore.quantities import quantity_of
 from fecore.trend import State
+from service.nouns.attachments.operations import WORDS as ATTACHMENT_WORDS
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.nouns.campaigns.schemas import Boundary
@@ -24,6 +25,7 @@ from service.nouns.search.fields import Field, Noun
 from service.nouns.search.uses import at_response, covers, sensors, used_instruments
 from service.nouns.structures.operations import WORDS as STRUCTURE_WORDS
 from service.nouns.updates.result_schemas import CONSTANTS, Level
+from service.platform.db.base import Base
 
 Value = Callable[[FromClause], ColumnElement[Any]]
 
@@ -112,6 +114,24 @@ def _other_constant(name: str) -> Field | None:
         nullable=True,
         sd=f"{base}_sd",
     )
+
+
+def _attachments() -> FromClause:
+    """Those of what is not deleted."""
+    tables = Base.metadata.tables
+    attached = tables["attachments"]
+    campaign, structure, monitor = (
+        tables[name].alias() for name in ("campaigns", "structures", "monitors")
+    )
+    of_campaign = attached.c.campaign_id == campaign.c.id
+    own = func.coalesce(attached.c.structure_id, campaign.c.structure_id, monitor.c.structure_id)
+    joined = (
+        attached.outerjoin(campaign, of_campaign)
+        .outerjoin(monitor, attached.c.monitor_id == monitor.c.id)
+        .outerjoin(structure, structure.c.id == own)
+    )
+    there = (one.c.deleted_at.is_(None) for one in (campaign, structure, monitor))
+    return select(attached).select_from(joined).where(*there).subquery()
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
@@ -392,6 +412,32 @@ _ALL = (
         facets=("state", "structure.name"),
         hidden=True,
     ),
+    Noun(
+        "attachment",
+        "attachments",
+        owner="project",
+        fields=(
+            ID,
+            Field("name", "text", "of the file"),
+            Field("caption", "text", "what it shows"),
+            Field("media_type", "text", "by its content"),
+            Field("size", "whole", "bytes"),
+            *(
+                Field(
+                    f"{noun}_id",
+                    "id",
+                    f"of the {noun.replace('_', ' ')} that it is beside",
+                    nullable=True,
+                )
+                for noun in ("structure", "campaign", "update_job", "monitor")
+            ),
+            CREATED,
+        ),
+        shown=("id", "name", "caption", "project.name", "size", "created_at"),
+        facets=("media_type", "project.name"),
+        words=ATTACHMENT_WORDS,
+        made=_attachments,
+    ),
 )
 
 NOUNS = {noun.name: noun for noun in _ALL}
@@ -399,7 +445,17 @@ NOUNS = {noun.name: noun for noun in _ALL}
 
 SEARCHED = {
     f"{name}s": NOUNS[name]
-    for name in ("structure", "campaign", "frf", "mode", "result", "coupon", "record", "monitor")
+    for name in (
+        "structure",
+        "campaign",
+        "frf",
+        "mode",
+        "result",
+        "coupon",
+        "record",
+        "monitor",
+        "attachment",
+    )
 }
 """Those that have an address, by its last step."""
 

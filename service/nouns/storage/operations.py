@@ -48,7 +48,7 @@ BOOKED = "booked_bytes"
 """Name in `Session.info` of the bytes by project that the transaction has booked."""
 
 Row = TypeVar("Row", bound=Base)
-Kind = Literal["files", "frfs", "records", "spectra", "curves", "modes", "results"]
+Kind = Literal["files", "frfs", "records", "spectra", "curves", "modes", "results", "attachments"]
 
 
 def used_bytes(session: Session, project_id: UUID) -> dict[str, int]:

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from sqlalchemy import ForeignKey, LargeBinary, Select, delete, func, select
+from sqlalchemy import ForeignKey, LargeBinary, delete, func, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -135,6 +135,13 @@ def original_sizes(session: Session, keys: Iterable[bytes]) -> dict[bytes, int]:
     return {row.sha256: row.size for row in session.execute(query)}
 
 
-def forget_originals(session: Session, *kept: Select[bytes]) -> None:
-    """Remove the stored files that none of these queries names."""
+def forget_originals(session: Session) -> None:
+    """Remove the stored files to which no table refers any more."""
+    kept = [
+        select(column)
+        for table in Base.metadata.tables.values()
+        for column in table.c
+        if any(key.target_fullname == "originals.sha256" for key in column.foreign_keys)
+        and table.name != "original_chunks"
+    ]
     session.execute(delete(Original).where(*(Original.sha256.not_in(named) for named in kept)))

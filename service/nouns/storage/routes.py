@@ -17,7 +17,7 @@ class StorageOut(StrictModel):
     parts: dict[str, int] = Field(
         description=(
             "bytes of `files` as they were uploaded, `frfs`, `records`, `curves` of coupons,"
-            " `modes`, `results`"
+            " `modes`, `results`, `attachments`"
         )
     )
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import Select, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.arrays import IntArray
@@ -137,11 +137,6 @@ def versions_of_models(session: Session, keys: list[UUID]) -> dict[UUID, int]:
     )
     latest_first = session.execute(query.order_by(StructureVersion.number.desc()))
     return {key: number for key, number in latest_first if key is not None}
-
-
-def models_files() -> Select[bytes]:
-    """SHA-256 of the decks of all models, as part of a query."""
-    return select(StructureModel.sha256)
 
 
 def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -> DrawnMesh:

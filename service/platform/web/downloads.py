@@ -6,6 +6,7 @@ import io
 import tempfile
 from collections.abc import Callable, Mapping
 from typing import IO
+from urllib.parse import quote
 
 from fastapi import Request, Response
 from fastapi.responses import FileResponse
@@ -13,6 +14,17 @@ from starlette.background import BackgroundTask
 
 MEMORY_BYTES = 8 * 1024 * 1024
 """What an answer that is being sent may hold in memory."""
+
+
+def disposition(filename: str, *, inline: bool = False) -> str:
+    """Whether a browser shows a file in place or saves it, and under which name.
+
+    >>> print(disposition("Prüfung.pdf", inline=True))
+    inline; filename="Prfung.pdf"; filename*=UTF-8''Pr%C3%BCfung.pdf
+    """
+    plain = "".join(sign for sign in filename if " " <= sign < "\x7f" and sign not in '"\\')
+    how = "inline" if inline else "attachment"
+    return f"{how}; filename=\"{plain}\"; filename*=UTF-8''{quote(filename, safe='')}"
 
 
 class _File(FileResponse):

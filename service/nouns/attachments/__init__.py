@@ -1,0 +1,3 @@
+"""Attachments: photographs, drawings and notes beside projects, structures, campaigns, updates and
+monitors.
+"""
