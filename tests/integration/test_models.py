@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from modalbase.formats.models.inp import read_inp
-from tests.integration.test_bodies import updated
+from tests.integration.test_bodies import FEW_MODES, updated
 from tests.support.calculix import ccx, frequencies
 from tests.support.lengths import long
 from tests.support.places import ROOT, shared_file
@@ -242,7 +242,7 @@ def test_an_update_of_a_deck_finds_the_constants_of_its_sets(
     assert model["status"] == "succeeded", model["message"]
     assert model["found"]["materials"][0]["constants"]["E1"] == 23e9
     content = measured(boundary="free" if boundary == "free" else "cantilever")
-    address, result = updated(api, bare, content, boundary)
+    address, result = updated(api, bare, content, boundary, FEW_MODES)
     constants = {row["name"]: row for row in result["parameters"]}
     for name, value in TRUTH.items():
         low, high = constants[name]["interval_95"]
