@@ -58,7 +58,7 @@ NAMES = ("constant", *FEATURES[1:])
 
 @dataclass
 class Poles:
-    """Features of poles with the truth: Λ (n,), design (n, 7), the mode of each or why it is none,
+    """Features of poles with the truth: Λ (n,), design (n, 8), the mode of each or why it is none,
     kind and seed of its draw.
 
     Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ,
@@ -92,7 +92,8 @@ def collect(draw: Draw, kind: str, number: int, poles: Poles) -> None:
 def keep(draw: Draw, kind: str, number: int, fitted: FittedSeries, poles: Poles) -> None:
     """Add the poles of a fit with the truth about them."""
     hz, zeta = fitted.fit.terms.frequency_hz, fitted.fit.terms.damping_ratio
-    evidence = evidence_of(fitted.arrangement, fitted.fit)
+    fit, arrangement = fitted.fit, fitted.arrangement
+    evidence = evidence_of(arrangement, fit, fit.growth(arrangement))
     ratio, rows = design(evidence)
     of = modes_of_poles(draw, fitted.arrangement, fitted.fit)
     use = fitted.arrangement.in_band(hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)

@@ -118,11 +118,13 @@ def _hit_bridge(rng: np.random.Generator, harsh: Harsh, points: int, falls: np.n
     phi = _shapes(rng, 6, points)
     sensor = rng.choice([-1, 1], (6, 1)) * rng.uniform(0.4, 1.5, (6, 1))
     lowered = f * (1 - zeta * falls)
-    values = np.mean([_accelerance(hz, own, zeta, phi * sensor) for own in lowered], axis=0)
+    each = np.array([_accelerance(hz, own, zeta, phi * sensor) for own in lowered])
+    values, grown = each.mean(axis=0), growth(each, falls.max(axis=1))
     level = np.sqrt(np.mean(np.abs(values[:, (hz > 2) & (hz < 5)]) ** 2))
     leak = level * rng.uniform(0.3, 0.9) / np.maximum(hz, 0.03) ** 2
     values = _faults(rng, hz, values, 0.02 * level, leak, 0.0, harsh)
-    return _drawn(_set(hz, values, 22), np.median(lowered, axis=0), zeta, phi * sensor)
+    frfs = replace(_set(hz, values, 22), growth=grown)
+    return _drawn(frfs, np.median(lowered, axis=0), zeta, phi * sensor)
 
 
 def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
@@ -151,10 +153,14 @@ def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
     each = np.array(
         [h * chain + _gauss(rng, hz.size) * noise + tones * _gauss(rng, 1) for h in hits]
     )
-    mean = each.mean(axis=0)
+    mean, grown = (
+        each.mean(axis=0),
+        growth(each[:, None], np.random.default_rng(seed).normal(size=_HITS)),
+    )
     coherence = np.abs(mean) ** 2 / np.mean(np.abs(each) ** 2, axis=0)
     variance = np.abs(mean) ** 2 * (1 - coherence) / (coherence * _HITS)
-    return _drawn(_set(hz, mean[None], 2, variance=variance[None]), f, seen, residue[:, None])
+    frfs = replace(_set(hz, mean[None], 2, variance=variance[None]), growth=grown)
+    return _drawn(frfs, f, seen, residue[:, None])
 
 
 def wide(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
@@ -287,12 +293,9 @@ def _sprung(seed: int, harsh: Harsh, power: int, points: int = 12) -> Draw:
         (2 * np.pi * hz[keep]) ** 2
     )
     height = np.array(_HEIGHTS)
-    values = (
-        np.einsum("phl,h->pl", motion, height)
-        * force.conj()
-        / np.sum(height**2)
-        / np.abs(force) ** 2
-    )
+    each = motion.transpose(1, 0, 2) / (height[:, None, None] * force)
+    values = np.einsum("hpl,h->pl", each, height**2 / np.sum(height**2))
+    grown = growth(each, np.log(height))
     white = 0.005 * harsh.noise * np.median(np.abs(values))
     values = values + white * _gauss(rng, *values.shape)
     signs = (
@@ -305,9 +308,8 @@ def _sprung(seed: int, harsh: Harsh, power: int, points: int = 12) -> Draw:
     )
     false = np.unique(np.concatenate([each.ravel() for each in signs]))
     pairs = [(99, i + 1) for i in range(points)]
-    return _drawn(
-        _set(hz[keep], values, pairs=pairs), f, zeta, phi * sensor[:, None], false[false > 2]
-    )
+    frfs = replace(_set(hz[keep], values, pairs=pairs), growth=grown)
+    return _drawn(frfs, f, zeta, phi * sensor[:, None], false[false > 2])
 
 
 def _moved(
@@ -392,6 +394,13 @@ def _shapes(rng: np.random.Generator, modes: int, points: int) -> np.ndarray:
     """(modes, points) random shapes, complex by a few degrees."""
     real = rng.standard_normal((modes, points))
     return np.asarray(real * np.exp(1j * np.deg2rad(4) * rng.standard_normal((modes, points))))
+
+
+def growth(each: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """(N, L) of (h, N, L) FRFs of hits with a change of height by one standard deviation."""
+    x = height - height.mean()
+    x = x / np.sqrt(np.mean(x**2)) if x.any() else np.full(x.size, np.nan)
+    return np.asarray(np.einsum("hnl,h->nl", each, x) / x.size)
 
 
 def _accelerance(

@@ -91,6 +91,9 @@ class FrfSet:
     quantity: Quantity = "accelerance"  # what kind of FRF all of them are
     # (N, L) variance of the complex noise E|n|² of each value, NaN or None where it is not known
     variance: FloatArray | None = None
+    # (N, L) what each value grows by where a hit is harder by the scatter (1 sd of ln) of the hits,
+    # NaN or None where it is not known
+    growth: ComplexArray | None = None
     # (N, L) where a value was measured; all of them by default. Elsewhere a value means nothing.
     measured: BoolArray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
 
@@ -120,14 +123,10 @@ class FrfSet:
         if (reason := size_fault(self.values)) is not None:
             row = next(i for i, values in enumerate(self.values) if size_fault(values) is not None)
             raise InputError("values", f"{reason} ({self._named(row)})")
-        if self.variance is not None and self.variance.shape != self.values.shape:
-            raise InputError(
-                "variance", f"has shape {self.variance.shape}, expected {self.values.shape}"
-            )
-        if self.measured.shape != self.values.shape:
-            raise InputError(
-                "measured", f"has shape {self.measured.shape}, expected {self.values.shape}"
-            )
+        for name in ("variance", "growth", "measured"):
+            each = getattr(self, name)
+            if each is not None and each.shape != self.values.shape:
+                raise InputError(name, f"has shape {each.shape}, expected {self.values.shape}")
 
     def _named(self, row: int) -> str:
         between = self.responses[row].point, self.references[row].point
@@ -147,7 +146,8 @@ class FrfSet:
 
     def conjugated(self) -> FrfSet:
         """The conjugates, which have exp(+iωt) where these have exp(-iωt)."""
-        return replace(self, values=self.values.conj())
+        growth = None if self.growth is None else self.growth.conj()
+        return replace(self, values=self.values.conj(), growth=growth)
 
     def unmeasured_at(self, gaps: BoolArray) -> FrfSet:
         """The same FRFs with (N, L) more values taken as not measured."""
@@ -181,6 +181,7 @@ class FrfSet:
             frequency_hz=self.frequency_hz[keep],
             values=self.values[:, keep],
             variance=None if self.variance is None else self.variance[:, keep],
+            growth=None if self.growth is None else self.growth[:, keep],
             measured=self.measured[:, keep],
         )
 
@@ -192,6 +193,7 @@ class FrfSet:
             responses=tuple(self.responses[i] for i in rows),
             references=tuple(self.references[i] for i in rows),
             variance=None if self.variance is None else self.variance[rows],
+            growth=None if self.growth is None else self.growth[rows],
             measured=self.measured[rows],
         )
 
@@ -206,4 +208,6 @@ class FrfSet:
             raise InputError("frequency_hz", f"a line at 0 Hz has no {quantity}; leave it out")
         factor = (1j * self.omega) ** power
         variance = None if self.variance is None else self.variance * np.abs(factor) ** 2
-        return replace(self, values=self.values * factor, quantity=quantity, variance=variance)
+        growth = None if self.growth is None else self.growth * factor
+        values = self.values * factor
+        return replace(self, values=values, quantity=quantity, variance=variance, growth=growth)

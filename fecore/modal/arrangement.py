@@ -50,6 +50,7 @@ class Arrangement:
     values: ComplexArray  # (N, L) complex FRFs, 0 where nothing was measured
     measured: BoolArray  # (N, L) True where a value was measured
     variance: FloatArray  # (N, L) noise variance handed in; NaN where it is not known
+    growth: ComplexArray  # (N, L) of a value with the height of hits (`FrfSet`); NaN where unknown
     # N (response, reference) pairs of positive dofs, as measured
     pairs: tuple[tuple[Dof, Dof], ...]
     quantity: Quantity  # what kind of FRF all of them are
@@ -104,6 +105,7 @@ class Arrangement:
             values=np.asarray(means(self.values[:, lines], mean) / np.where(have > 0, have, 1.0)),
             measured=have > 0,
             variance=means(self.variance[:, lines], mean) / mean,
+            growth=means(self.growth[:, lines], mean),
         )
 
     def without(self, rows: Sequence[int]) -> Arrangement:
@@ -122,6 +124,7 @@ class Arrangement:
             values=self.values[keep],
             measured=self.measured[keep],
             variance=self.variance[keep],
+            growth=self.growth[keep],
             pairs=pairs,
             roving=roving,
             fixed=fixed,
@@ -193,6 +196,7 @@ def arrange(
     count = sum(len(s.responses) for s in sets)
     values = np.zeros((count, axis.size), dtype=complex)
     variance = np.full((count, axis.size), np.inf)
+    growth = np.full((count, axis.size), np.nan, dtype=complex)
     pairs: list[tuple[Dof, Dof]] = []
     for frf_set, place in zip(sets, places, strict=True):
         rows = slice(len(pairs), len(pairs) + len(frf_set.responses))
@@ -201,6 +205,8 @@ def arrange(
         values[rows, place] = sign[:, None] * frf_set.values
         known = np.nan if frf_set.variance is None else frf_set.variance
         variance[rows, place] = np.where(frf_set.measured, known, np.inf)
+        if frf_set.growth is not None:
+            growth[rows, place] = sign[:, None] * frf_set.growth
         pairs += [(Dof(a.point, a.axis), Dof(b.point, b.axis)) for a, b in both]
     roving, fixed, row = split_sides(tuple(pairs))
     measured = ~np.isposinf(variance)
@@ -210,6 +216,7 @@ def arrange(
         values=values,
         measured=measured,
         variance=variance,
+        growth=growth,
         pairs=tuple(pairs),
         quantity=sets[0].quantity,
         roving=roving,

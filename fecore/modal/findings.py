@@ -140,6 +140,13 @@ OF_MODES = {
     "damping_uncertain": remark(
         f"{_MODE}: damping is known to ± {{percent:.0f}} % only", "", _MODE
     ),
+    "not_linear": remark(
+        "the frequency at {hz:.2f} Hz {moves} by {percent:.2g} % in hits harder by one standard"
+        " deviation of the hits: a spring or joint that is not linear; its interval reaches what"
+        " small hits would show",
+        "hit as softly as the noise allows, and all alike",
+        "the frequency at {hz:.2f} Hz",
+    ),
     "close_pair": remark(
         "{low} ({first:.2f} Hz) and {high} ({second:.2f} Hz) overlap: a close pair",
         subject="{low} and {high}",

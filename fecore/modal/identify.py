@@ -37,6 +37,7 @@ from fecore.modal.result import (
     diagram_of,
     interference,
     left_out,
+    moved_by_height,
     of_series,
     outlying,
     remarks,
@@ -203,7 +204,8 @@ def identify(
     # 11. Judge.
     report("judging the poles", 0.9)
     searched = time.perf_counter()
-    evidence = evidence_of(arrangement, fit)
+    grown = fit.growth(arrangement)
+    evidence = evidence_of(arrangement, fit, grown)
     verdict = judge(arrangement, fit, evidence, options.threshold, by_hand)
     if not free.all():  # the others are judged by the fit that had them
         before = judge(arrangement, series, evidence_of(arrangement, series), options.threshold)
@@ -221,9 +223,11 @@ def identify(
         np.log(fit.terms.frequency_hz / start.frequency_hz),
         fit.terms.damping_ratio - start.damping_ratio,
     )
-    errors = ErrorModel(tau, arrangement.session, shared, np.concatenate(changes))
+    shift = None if grown is None else grown.shift
+    errors = ErrorModel(tau, arrangement.session, shared, np.concatenate(changes), shift)
     fit = replace(fit, errors=errors)
     fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
+    of_heights = moved_by_height(fit, verdict.kept)
     significance = fit.gains / (fit.pole_price * fit.memory)
     # 12. Separate.
     fit, old, separated = separate_close_modes(arrangement, fit, verdict.kept)
@@ -282,6 +286,7 @@ def identify(
             *separated,
             *(finding("pole_stated", hz=f[k], p=verdict.probability[k]) for k in verdict.stated),
             *of_modes,
+            *of_heights,
             *of_outliers,
             *(
                 [finding("residual_large", times=np.sqrt(ratio))]

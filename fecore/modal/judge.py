@@ -10,12 +10,13 @@ apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of 
         nearest by it, σ = ζω.
 shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a larger pole, of the one that makes q least.
 reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest.
+growth  g = √(Σ|ΔR|²/Σ|R|²), ΔR what R changes by, beyond noise, in hits harder by one standard deviation of ln of their height.
 
 Shape and reach need four FRFs. A delay d of a channel turns the phase of residues by -ωd, and a
 wrong quantity by 90°: both are found first, from the strong poles.
 
     logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) - b₄ ln(1 + (0.15/d)²) + b₅ lg q +
-    b₆ lg n,
+    b₆ lg n - b₇ ln(1 + (g/0.1)²),
 
 lg = log₁₀ and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
 
@@ -26,10 +27,10 @@ not in proportion: (1+r)/2 = cos²θ. What is no mode has any phase: one for all
 whose median r spreads evenly. A feature that a set cannot give drops out. The weights' own variance
 v of the logit a widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
 
-The weights b are a Bayesian fit to 1,286 poles of made sets, 729 of them modes (seeds 5000 to 5009;
-26 November 2026; `python -m benchmarks calibrate`). The prior means of constant, rise and share are
-those of an earlier fit to measured and made sets, that of the damping is the exponent of Cauchy's
-law. A fit gives up what the weights in use refuse beside a better pole, so the poles that it leaves
+The weights b are a Bayesian fit to 783 poles of made sets, 717 of them modes (seeds 5000 to 5009;
+29 November 2026; `python -m benchmarks calibrate`). The prior means of constant, rise and share are
+those of an earlier fit to measured and made sets, those of damping and growth are the exponent of
+Cauchy's law. A fit gives up what the weights in use refuse beside a better pole, so the poles that it leaves
 say little of the distance: its prior is the fit before this one. For two modes at n independent
 points p(1 - M) goes as (1 - M)^(n/2 - 3/2), M their MAC; for one shape seen twice it ends at the
 errors. So that of the shape is about ln 10 (n - 1)/2, with its share of what is known of the
@@ -49,7 +50,7 @@ from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.series import BESIDE, NEAR, Terms, curves_alike
 
 if TYPE_CHECKING:
-    from fecore.modal.refine import LinearFit
+    from fecore.modal.refine import Growth, LinearFit
 
 _LEAST_REACH = 2  # lines on each side of a pole, at least, within which a misfit is its own
 _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
@@ -70,7 +71,8 @@ _RARE = (
 )
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
 _DOUBLE = 0.15  # distance below which two poles are rather one mode
-NAMES = ("phase", "rise", "share", "damping", "apart", "shape", "reach")
+_GROWTH = 0.1  # that places of hits make
+NAMES = ("phase", "rise", "share", "damping", "apart", "shape", "reach", "growth")
 _REASONS = 3  # features that are said of a pole
 
 REFUSED = 0.1
@@ -85,20 +87,21 @@ HOPELESS = 0.001
 _NONE = np.empty(0, dtype=np.int64)
 _WORTH = 30.0  # times its price that a pole gains which may stay all the same
 
-PRIOR_MEAN = np.array([3.2, 1.15, 6.9, 1.0, 9.6, 4.0, 1.0])
-"""Of b₀ … b₆: constant, rise, share, damping, apart, shape, reach."""
+PRIOR_MEAN = np.array([3.2, 1.15, 6.9, 1.0, 9.6, 4.0, 1.0, 1.0])
+"""Of b₀ … b₇: constant, rise, share, damping, apart, shape, reach, growth."""
 
-PRIOR_SD = np.array([1.0, 0.7, 2.4, 0.6, 1.5, 3.0, 3.0])
-MEAN = np.array([3.090, 1.268, 6.738, 0.599, 9.256, 7.070, 5.746])
+PRIOR_SD = np.array([1.0, 0.7, 2.4, 0.6, 1.5, 3.0, 3.0, 0.6])
+MEAN = np.array([3.136, 1.411, 6.454, 0.666, 9.598, 6.272, 5.924, 0.824])
 COVARIANCE = np.array(
     [
-        [0.5663, -0.1364, 0.2776, 0.0964, 0.0234, 0.1834, 0.1282],
-        [-0.1364, 0.0990, 0.0186, -0.0023, 0.0098, 0.0530, 0.0973],
-        [0.2776, 0.0186, 1.1681, 0.0402, -0.0127, 0.1042, -0.0238],
-        [0.0964, -0.0023, 0.0402, 0.0639, -0.0089, 0.0277, 0.0050],
-        [0.0234, 0.0098, -0.0127, -0.0089, 2.2366, -0.0624, -0.0108],
-        [0.1834, 0.0530, 0.1042, 0.0277, -0.0624, 2.1577, 0.1386],
-        [0.1282, 0.0973, -0.0238, 0.0050, -0.0108, 0.1386, 1.2628],
+        [0.7436, -0.1643, 0.2841, 0.0888, 0.0156, 0.0399, 0.1725, 0.0641],
+        [-0.1643, 0.2259, 0.0993, 0.0576, 0.0096, 0.1090, 0.1813, 0.0283],
+        [0.2841, 0.0993, 2.6585, 0.0398, -0.0249, 0.1099, -0.0982, -0.0011],
+        [0.0888, 0.0576, 0.0398, 0.1224, -0.0051, 0.0711, 0.0411, 0.0093],
+        [0.0156, 0.0096, -0.0249, -0.0051, 2.2482, -0.0143, -0.0093, -0.0031],
+        [0.0399, 0.1090, 0.1099, 0.0711, -0.0143, 4.3049, 0.2183, -0.1807],
+        [0.1725, 0.1813, -0.0982, 0.0411, -0.0093, 0.2183, 1.3212, 0.0337],
+        [0.0641, 0.0283, -0.0011, 0.0093, -0.0031, -0.1807, 0.0337, 0.0922],
     ]
 )
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
@@ -108,7 +111,7 @@ _ONE = 0.05  # distance below which the residues of two poles cancel, and have n
 class Evidence:
     """Features of n poles, NaN where the set cannot give one."""
 
-    # phase, rise, share, damping, apart, shape, reach: (n,) see above
+    # phase, rise, share, damping, apart, shape, reach, growth: (n,) see above
     phase: FloatArray
     rise: FloatArray
     share: FloatArray
@@ -116,6 +119,7 @@ class Evidence:
     apart: FloatArray
     shape: FloatArray
     reach: FloatArray
+    growth: FloatArray
     # (n,) number of the larger pole that it is nearest to; any where there is none
     neighbour: IntArray
     # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
@@ -130,7 +134,7 @@ class Evidence:
 class Feature:
     """One reason for or against a pole."""
 
-    name: str  # `phase`, `rise`, `share`, `damping`, `apart`, `shape` or `reach`
+    name: str  # one of `NAMES`
     value: float  # the feature
     weight: float  # what it adds to the logit of P
     words: str  # what it says, in words of the field
@@ -177,8 +181,10 @@ class Verdict:
         return replace(self, refused=refused)
 
 
-def evidence_of(arrangement: Arrangement, fit: LinearFit) -> Evidence:
-    """The features of all poles of a series fitted to FRFs."""
+def evidence_of(arrangement: Arrangement, fit: LinearFit, grown: Growth | None = None) -> Evidence:
+    """The features of all poles of a series fitted to FRFs, with what harder hits change where that
+    is known.
+    """
     terms = fit.terms
     residues = fit.residues
     rise = _rise(arrangement, fit)
@@ -199,6 +205,7 @@ def evidence_of(arrangement: Arrangement, fit: LinearFit) -> Evidence:
         apart=np.sqrt(np.maximum(1 - curves.max(axis=1, initial=0.0), _LEAST**2)),
         shape=shape,
         reach=_reach(residues),
+        growth=np.full(terms.pairs, np.nan) if grown is None else grown.residue,
         neighbour=_largest(curves),
         twin=twin,
         trend=trend,
@@ -351,7 +358,7 @@ def no_mode(evidence: Evidence, damping_ratio: FloatArray) -> BoolArray:
 
 
 def design(evidence: Evidence) -> tuple[FloatArray, FloatArray]:
-    """(n,) Λ, and (n, 7) what the weights multiply."""
+    """(n,) Λ, and (n, 8) what the weights multiply."""
     x = np.stack(
         [
             np.ones(evidence.phase.size),
@@ -361,6 +368,7 @@ def design(evidence: Evidence) -> tuple[FloatArray, FloatArray]:
             -np.log1p((_DOUBLE / evidence.apart) ** 2),
             np.log10(evidence.shape),
             np.log10(evidence.reach),
+            -np.log1p((evidence.growth / _GROWTH) ** 2),
         ],
         axis=1,
     )
@@ -483,6 +491,8 @@ def _words(
             f"shape and curve part it from the larger pole at {frequency_hz[other]:.2f} Hz by"
             f" {evidence.shape[k]:.2f} of 1; one mode seen twice has one shape"
         )
+    if name == "growth":
+        return f"harder hits change its part in the FRFs by {100 * evidence.growth[k]:.0f} %"
     return f"the FRF that shows it best has {100 - 100 * evidence.reach[k]:.0f} % of it"
 
 

@@ -198,7 +198,8 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     notes += _off_scale(arrangement)
     conjugated = turned_backwards(arrangement if band_hz is None else _alive(arrange(sets)))
     if conjugated:  # judged by all lines: a band about an antiresonance alone turns the other way
-        arrangement = replace(arrangement, values=arrangement.values.conj())
+        both = arrangement.values.conj(), arrangement.growth.conj()
+        arrangement = replace(arrangement, values=both[0], growth=both[1])
         notes.append(finding("conjugates"))
     arrangement, spikes = _without_spikes(arrangement)
     merged, drop, notes_on_doubles = _merge_repeated(arrangement)
@@ -467,6 +468,7 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:
         values=values[:, first:],
         measured=arrangement.measured[:, first:],
         variance=arrangement.variance[:, first:],
+        growth=arrangement.growth[:, first:],
     )
     return cut, [finding("leakage", hz=cut.frequency_hz[0])]
 

@@ -78,6 +78,9 @@ motion with its damping.
 
 # half bandwidths by which a pole is off over the relative error that all FRFs share
 _SHIFT = 4.0
+# what hits of usual height change, over what one standard deviation of their heights (a factor of
+# 1.6 of a spring's force y³, where hits count by their power)
+_OF_HEIGHT = 2.0
 _LOCAL = 25  # lines over which the misfit is averaged
 _LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
 _FREEDOM = 8.0  # of Student's law
@@ -87,6 +90,14 @@ OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
 
 _STILL = 0.05  # correlation below which the sum ends
 _CAP = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What hits change that are harder by one standard deviation of the hits' heights."""
+
+    shift: FloatArray  # (parameters,) of ln ω and ζ
+    residue: FloatArray  # (n,) relative change of the residues beyond noise, rms over the FRFs
 
 
 @dataclass(frozen=True)
@@ -262,8 +273,10 @@ class ErrorModel:
     memory: float  # number of lines that count as one independent line
     sessions: IntArray  # (N,) number of the test that each FRF belongs to
     shared: FloatArray  # (n,) relative error of each mode's curve that all FRFs share
-    # (parameters,) change of ln ω and ζ where the values are weighted in another way
+    # (parameters,) change of ln ω and ζ where the values are weighted in another way, and with the
+    # height of the hits where that is known
     change: FloatArray
+    shift: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -307,6 +320,30 @@ class PoleFit(LinearFit):
         """
         return max(1.0, self.chi_squared / self.freedom) * self.memory
 
+    def growth(self, arrangement: Arrangement) -> Growth | None:
+        """What harder hits change, where it is known of all FRFs.
+
+        Their growth is what the FRFs lack at one step of Gauss and Newton from the fit.
+        """
+        values = np.where(arrangement.measured, arrangement.growth, 0)
+        if not np.all(np.isfinite(values)):
+            return None
+        level = linear_fit(
+            replace(arrangement, values=values), self.terms, self.variance, self.weights
+        )
+        n, turn = self.terms.pairs, slope_parts(self.terms, self.residues, self.free)
+        basis = self.linear.basis[:, : 2 * n]
+        steep = derivatives(arrangement.omega, self.terms, arrangement.power, basis)
+        score = real_part(self.weight * level.residual, steep.T).reshape(len(turn), n, 2)
+        gradient = np.einsum("npka,nka->pk", turn, score).ravel()
+        step = bounded_step(self.information, gradient, np.ones(2 * n), 0.0)[0]
+        c = level.linear.coefficients - self.pole_jacobian @ step
+        square = np.sum(c[:, : 2 * n] ** 2, axis=0).reshape(n, 2).sum(axis=1)
+        square -= self.residue_variance.sum(axis=0)
+        power = np.sum(np.abs(self.residues) ** 2, axis=0)
+        share = np.maximum(square, 0.0) / np.maximum(power, np.finfo(float).tiny)
+        return Growth(step, np.sqrt(share))
+
     @cached_property
     def residue_variance(self) -> FloatArray:
         """(N, n) E|error|² of the residues, the uncertainty of the poles included.
@@ -330,7 +367,8 @@ class PoleFit(LinearFit):
         between them shows (`widened`). Errors e that all FRFs share are taken to have shifted a
         pole by `_SHIFT` e half bandwidths. Then each is at least the change under other weights:
         where the series is the whole truth, both fits estimate the same poles, and differ by what
-        noise does to them (Hausman 1978).
+        noise does to them (Hausman 1978). What changes with the height of hits, beyond its variance, is
+        off by as much and more at none.
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
@@ -342,7 +380,10 @@ class PoleFit(LinearFit):
         shifts = np.tile((_SHIFT * self.errors.shared * self.terms.damping_ratio) ** 2, 2)
         spread = widened(inverse, self.inflation, self.scores, self.errors.sessions)
         spread = spread + np.diag(shifts)
-        lacking = np.maximum(np.square(self.errors.change) - np.diag(spread), 0.0)
+        own = np.diag(spread)
+        lacking = np.maximum(np.square(self.errors.change) - own, 0.0)
+        if self.errors.shift is not None:
+            lacking += _OF_HEIGHT**2 * np.maximum(np.square(self.errors.shift) - own, 0.0)
         return np.asarray(spread + np.diag(lacking))
 
 
@@ -389,7 +430,7 @@ def refine(
     both = np.concatenate([free, terms.pairs + free])
     start = linear_fit(arrangement, terms, variance, None, background)
     fit = _with_slopes(arrangement, start, free)
-    damping = 1e-4
+    damping, growth = 1e-4, 10.0
     for _ in range(steps):
         zeta = fit.terms.damping_ratio[free]  # no pole moves by more than its width
         limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)])
@@ -407,9 +448,9 @@ def refine(
         if trial.chi_squared < fit.chi_squared:
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
-            fit = _with_slopes(arrangement, trial, free)
+            fit, growth = _with_slopes(arrangement, trial, free), 10.0
         else:
-            damping = max(damping, 1e-6) * 10
+            damping, growth = max(damping, 1e-5) * growth, 10 * growth
             if damping > 1e8:
                 break
     return fit
@@ -433,7 +474,8 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
     """
     terms, linear, weights = level.terms, level.linear, level.weights
     turn = slope_parts(terms, level.residues, free)
-    steep = derivatives(arrangement.omega, terms.some(free), arrangement.power)
+    known = linear.basis[:, (2 * free[:, None] + [0, 1]).ravel()]
+    steep = derivatives(arrangement.omega, terms.some(free), arrangement.power, known)
     onto = linear.turn.T @ real_part(linear.basis.T, (weights.root[:, None] ** 2 * steep).T)
     steep = steep - expanded((linear.turn @ onto).T, linear.basis).T
     n, inside = free.size, onto[None]

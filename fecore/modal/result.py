@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.findings import Finding, texts
 from fecore.frf import Quantity
-from fecore.modal.arrangement import Arrangement
+from fecore.modal.arrangement import CLEAR, Arrangement
 from fecore.modal.candidates import LinearPoles
 from fecore.modal.findings import finding, lines_in_words
 from fecore.modal.judge import Evidence, Feature, RefusedPole
@@ -319,6 +319,24 @@ def _of_modes(
         if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
             low, high = named[k - 1], named[k]
             yield finding("close_pair", low=low, high=high, first=f[k - 1], second=f[k])
+
+
+def moved_by_height(fit: PoleFit, kept: IntArray) -> list[Finding]:
+    """Kept poles whose frequency clearly changes with the height of hits."""
+    if fit.errors is None or fit.errors.shift is None:
+        return []
+    by_chance = replace(fit, errors=replace(fit.errors, shift=None)).parameter_covariance
+    shift, f = fit.errors.shift, fit.terms.frequency_hz
+    return [
+        finding(
+            "not_linear",
+            hz=f[k],
+            moves="falls" if shift[k] < 0 else "rises",
+            percent=100 * abs(shift[k]),
+        )
+        for k in kept
+        if abs(shift[k]) > CLEAR * np.sqrt(by_chance[k, k])
+    ]
 
 
 def _named(doubt: tuple[str | None, ...]) -> list[str]:

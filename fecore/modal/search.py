@@ -57,6 +57,7 @@ from fecore.modal.series import (
     curves_alike,
     overlapping,
     stacked,
+    whitening,
     with_poles,
     without_drift,
 )
@@ -185,7 +186,9 @@ def forward_selection(
             whole = linear_fit(arrangement, all_of_them, fit.variance)
             variance = local_variance(arrangement, whole.residual, noise)
             fit = linear_fit(arrangement, fit.terms, variance)
-        added = _chosen(arrangement, fit, candidates, most - pairs, beside)
+        # lines that share their errors count once: what bends the modes that are there is no other
+        tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model) if pairs else 1.0
+        added = _chosen(arrangement, fit, candidates, most - pairs, beside, tau)
         if not added.size:
             break
         terms = with_poles(fit.terms, added)
@@ -223,7 +226,7 @@ def _beyond(arrangement: Arrangement) -> ComplexArray:
 
 
 def _chosen(
-    arrangement: Arrangement, fit: LinearFit, pool: ComplexArray, room: int, beside: int
+    arrangement: Arrangement, fit: LinearFit, pool: ComplexArray, room: int, beside: int, tau: float
 ) -> ComplexArray:
     """The candidates that pay, most gain first, each on top of those before it."""
     pool = pool[~overlapping(pool, fit.terms.poles, _SAME)]
@@ -241,13 +244,14 @@ def _chosen(
         ),
         root,
     )
-    extra = extra / np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
-    frame = np.linalg.qr(frame)[0]
-    extra = extra - frame @ (frame.T @ extra)
+    extra /= np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
+    frame = frame @ whitening(frame)
+    extra -= frame @ (frame.T @ extra)
     right = target @ extra
     one, two = extra[:, 0::2], extra[:, 1::2]
     gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
-    price, basis = fit.pole_price + (PRICE - 1) * 2 * beside, np.empty((len(extra), 0))
+    price = tau * (fit.pole_price + (PRICE - 1) * 2 * beside)
+    basis: FloatArray = np.empty((len(extra), 0))
     # of a candidate's power: what the series leaves below it is round-off, or a pole that it has
     new = np.where(overlapping(pool, fit.terms.poles, BESIDE), 1e-6, 1e-10)
     taken: list[int] = []
@@ -421,9 +425,7 @@ def _misfits(
             columns(omega, terms.drifted(float(drift), arrangement.spacing_hz), arrangement.power),
             root,
         )
-        frame = np.linalg.qr(
-            basis / np.maximum(np.linalg.norm(basis, axis=0), np.finfo(float).tiny)
-        )[0]
+        frame = basis @ whitening(basis)
         out[place] = level * (whole - np.sum((target @ frame) ** 2, axis=1))
     return out
 

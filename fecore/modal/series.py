@@ -37,9 +37,9 @@ _TURNS = 30  # in which the bounds of a step are found
 # eigenvalue of the scaled information below which a direction is null: a large variance, not
 # infinity
 VAGUE = 1e-10
-_WELL_CONDITIONED = (
-    1e-4  # singular value of scaled columns over the largest, from which products keep 1e-8
-)
+# singular value of scaled columns over the largest from which their products keep 1e-8, and from
+# which those of the columns that these make nearly orthonormal keep all
+_WELL_CONDITIONED, _TWICE = 1e-4, 1e-7
 
 WHOLE = 0.9
 """Of its lines that every FRF has where gaps are few."""
@@ -137,8 +137,9 @@ def columns(
 ) -> ComplexArray:
     """(L, q) basis: for each pole pair the factors of Re R and Im R, then residual terms.
 
-    Residual terms are taken in s/ω_ref to be of like size; `reference` is ω_ref, by default the
-    geometric mean of the first and the last line.
+    Those of a pair are 2(s + σ)/D and -2ω_d/D, D = (s - s_k)(s - s̄_k), σ = ζω. Residual terms are taken
+    in s/ω_ref to be of like size; `reference` is ω_ref, by default the geometric mean of the first
+    and the last line.
     """
     s, n = 1j * omega, 2 * terms.pairs
     lift, pole = (s**power)[:, None], terms.poles
@@ -146,29 +147,30 @@ def columns(
     # the temporaries of so many entries stay in the processor's cache
     step = max(1, 30_000 // max(terms.pairs, 1))
     for part in (slice(first, first + step) for first in range(0, omega.size, step)):
-        direct, mirror = (
-            lift[part] / (s[part, None] - pole),
-            lift[part] / (s[part, None] - pole.conj()),
-        )
-        np.add(direct, mirror, out=basis[part, 0:n:2])
-        np.multiply(direct - mirror, 1j, out=basis[part, 1:n:2])
+        one, other = s[part, None] - pole, s[part, None] - pole.conj()
+        both = lift[part] / (one * other)
+        np.multiply(one + other, both, out=basis[part, 0:n:2])
+        np.multiply(-2 * pole.imag, both, out=basis[part, 1:n:2])
     scaled = s / (reference or np.sqrt(omega[0] * omega[-1]))
     for place, e in enumerate(terms.exponents, n):
         basis[:, place] = lift[:, 0] * scaled**e
     return basis
 
 
-def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
+def derivatives(
+    omega: FloatArray, terms: Terms, power: int, basis: ComplexArray | None = None
+) -> ComplexArray:
     """(L, 2n) columns of which all derivatives of the model by its poles are made, see `slopes`.
 
-    For each pole pair 1/(s - s_k)² + 1/(s - s̄_k)² and i times their difference.
+    For each pole pair 1/(s - s_k)² + 1/(s - s̄_k)² and i times their difference: (a² - b²)/2 and ab of
+    its two columns a and b in the basis, which may be given.
     """
-    s, n = 1j * omega, 2 * terms.pairs
-    lift, pole = (s**power)[:, None], terms.poles
-    direct, mirror = (lift / (s[:, None] - each) ** 2 for each in (pole, pole.conj()))
-    steep = np.empty((omega.size, n), dtype=complex)
-    np.add(direct, mirror, out=steep[:, 0:n:2])
-    np.multiply(direct - mirror, 1j, out=steep[:, 1:n:2])
+    basis = columns(omega, replace(terms, exponents=()), power) if basis is None else basis
+    a, b = basis[:, 0::2], basis[:, 1::2]
+    steep = np.empty(basis.shape, dtype=complex)
+    drop = ((1j * omega) ** -power)[:, None]
+    np.multiply((a - b) * (a + b), drop / 2, out=steep[:, 0::2])
+    np.multiply(a * b, drop, out=steep[:, 1::2])
     return steep
 
 
@@ -320,19 +322,22 @@ def missing_slopes(
 def whitening(scaled: FloatArray) -> FloatArray:
     """(q, r) what makes weighted real columns (2L, q) orthonormal; null directions are left out.
 
-    From their products where these keep the digits, else from the columns themselves.
+    From their products where these keep the digits, from products twice where these lead near
+    (Yamamoto, Nakatsukasa, Yanagisawa and Fukaya 2015), else from the columns themselves.
     """
     products = scaled.T @ scaled
     length = np.sqrt(np.diag(products))
     length = np.where(length > 0, length, 1.0)
     triangle, fault = scipy.linalg.lapack.dpotrf(products / length / length[:, None])
-    if fault or scipy.linalg.lapack.dtrcon(triangle)[0] < _WELL_CONDITIONED:
+    condition = 0.0 if fault else scipy.linalg.lapack.dtrcon(triangle)[0]
+    if condition < _TWICE:
         triangle = np.linalg.qr(scaled / length, mode="r")
         _, singular, right = np.linalg.svd(triangle)
         singular, right = singular[: len(right)], right[: singular.size]
         kept = singular > _NULL * singular.max(initial=0.0)
         return np.asarray((right[kept] / singular[kept, None]).T / length[:, None])
-    return np.asarray(scipy.linalg.lapack.dtrtri(triangle)[0] / length[:, None])
+    turn = np.asarray(scipy.linalg.lapack.dtrtri(triangle)[0] / length[:, None])
+    return turn if condition >= _WELL_CONDITIONED else turn @ whitening(scaled @ turn)
 
 
 def orthonormal(basis: ComplexArray, root: FloatArray) -> tuple[ComplexArray, FloatArray]:
@@ -367,16 +372,20 @@ def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> F
     """(N, q, q - first) the columns, from the `first` on, of the normal matrices Re Φᴴ W_i² Φ of
     all FRFs.
     """
-    q, rows = basis.shape[1], weight.shape[0]
-    real, imag = np.ascontiguousarray(basis.real.T), np.ascontiguousarray(basis.imag.T)
-    across = np.ascontiguousarray(weight.T)
-    normal = np.empty((q, q - first, rows))
-    for i in range(q):  # one row of the matrices at a time: its products stay in the cache
-        start = max(i, first)
-        outer = real[start:] * real[i] + imag[start:] * imag[i]
-        normal[i, start - first :] = outer @ across
-        if i >= first:
-            normal[i:, i - first] = normal[i, i - first :]
+    q = basis.shape[1]
+    normal = np.zeros((q, q - first, len(weight)))
+    # so many lines at a time, and one row of the matrices: their products stay in the cache
+    step = max(1, 100_000 // max(q, 1))
+    for part in (slice(start, start + step) for start in range(0, len(basis), step)):
+        real, imag, across = (
+            np.ascontiguousarray(each.T)
+            for each in (basis[part].real, basis[part].imag, weight[:, part])
+        )
+        for i in range(q):
+            start = max(i, first)
+            normal[i, start - first :] += (real[start:] * real[i] + imag[start:] * imag[i]) @ across
+    for i in range(first, q):
+        normal[i:, i - first] = normal[i, i - first :]
     return np.ascontiguousarray(normal.transpose(2, 0, 1))
 
 
@@ -501,7 +510,8 @@ def one_minus_leverage(
     The hat matrix of the coefficients has the diagonal |Q_l|² of the weighted orthonormal frame;
     the poles, which N FRFs share, add an N-th of what the derivatives add to the frame.
     """
-    steep = derivatives(arrangement.omega, terms, arrangement.power)
+    pairs = linear.basis[:, : 2 * terms.pairs]
+    steep = derivatives(arrangement.omega, terms, arrangement.power, pairs)
     both, _ = orthonormal(np.concatenate([linear.basis, steep], axis=1), weights.root)
     own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (linear.frame, both))
     leverage = weights.root**2 * (own + (all_ - own) / len(arrangement.pairs)) / 2

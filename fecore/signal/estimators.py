@@ -24,6 +24,15 @@ With n hits it rests on about n - 1 complex degrees of freedom, so one line alon
 factor of several. A line's variance is therefore drawn towards the mean over its neighbourhood and
 over the campaign's FRFs, by the weight of `_PRIOR` degrees of freedom; the mean over lines stays
 what was seen. One hit alone has no scatter: its variance is not known (NaN).
+
+Growth. Where a body is linear, hits of all heights show one H. With x_i the logarithm of the root mean
+square of the force, less its mean over the hits, over its standard deviation,
+
+    ΔH = Σ x_i w_i (H_i - H)
+
+is what H changes by in hits harder by one standard deviation; of noise alone its variance is that of
+H. One spectrum tells a mode whose frequency falls with the hit, a distortion that grows with it, and
+interference that the hits do not share.
 """
 
 from dataclasses import dataclass
@@ -37,6 +46,7 @@ from fecore.errors import InputError
 Estimator = Literal["H1", "H2", "Hv"]
 
 _PRIOR = 4.0  # degrees of freedom that the expected variance of a line is worth
+_ALIKE = 1e-3  # differences of ln of the heights of hits below which they show no growth
 _NEIGHBOURS = 9  # lines, over which a variance is averaged
 # lines that are worked on together: what one hit needs of them stays in a processor's cache
 _AT_ONCE = 8192
@@ -49,6 +59,9 @@ class Estimate:
     values: ComplexArray  # (L,) complex FRF
     coherence: FloatArray  # (L,) γ², 0 to 1
     variance: FloatArray  # (L,) variance E|n|² of each value; NaN for a single hit
+    # (L,) what a value grows by where a hit is harder by the scatter (1 sd of ln) of the hits; NaN
+    # where they are alike, or one
+    growth: ComplexArray
     hits: int  # how many hits it is the mean of
 
 
@@ -71,26 +84,34 @@ def estimate(
     check_estimator(estimator)
     level = np.array([float(np.vdot(force, force).real) for force in forces]) / forces.shape[1]
     share = 1 / np.where(level > 0, level, 1.0)  # of each hit's spectra, squared
+    height = np.log(np.maximum(level, np.finfo(float).tiny))
+    height -= height.mean()
+    height /= np.sqrt(np.mean(height**2)) if np.abs(height).max() > _ALIKE else np.nan
     parts = [
         _lines(
             forces[:, start : start + _AT_ONCE],
             responses[:, start : start + _AT_ONCE],
             share,
+            height,
             estimator,
         )
         for start in range(0, forces.shape[1], _AT_ONCE)
     ]
-    values, coherence, variance = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    values, coherence, variance, growth = map(np.concatenate, zip(*parts, strict=True))
     if len(forces) > 1:
         variance = pooled(values, variance, len(forces))
-    return Estimate(values, coherence, variance, len(forces))
+    return Estimate(values, coherence, variance, growth.astype(np.complex64), len(forces))
 
 
 def _lines(
-    forces: ComplexArray, responses: ComplexArray, share: FloatArray, estimator: Estimator
-) -> tuple[ComplexArray, FloatArray, FloatArray]:
-    """FRF, coherence and variance of some lines, each line by itself; `share` (h,) is what a hit's
-    power is multiplied by.
+    forces: ComplexArray,
+    responses: ComplexArray,
+    share: FloatArray,
+    height: FloatArray,
+    estimator: Estimator,
+) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray]:
+    """FRF, coherence, variance and growth of some lines, each line by itself; `share` (h,) is what a
+    hit's power is multiplied by, `height` (h,) its x.
 
     Hit by hit, so that what is worked on stays in a processor's cache: several times as fast as all
     hits at once.
@@ -117,18 +138,23 @@ def _lines(
     coherence[~np.isfinite(coherence)] = 0
     np.minimum(coherence, 1, out=coherence)
     if len(forces) < 2:
-        return values, coherence, np.full(lines, np.nan)
-    inverse, variance = 1 / np.maximum(ff, 1e-300), np.zeros(lines)
-    for force, response, own, weight in zip(forces, responses, share.tolist(), power, strict=True):
+        return values, coherence, np.full(lines, np.nan), np.full(lines, np.nan, dtype=complex)
+    inverse, variance, growth = 1 / np.maximum(ff, 1e-300), np.zeros(lines), np.zeros_like(af)
+    each = zip(forces, responses, share.tolist(), height.tolist(), power, strict=True)
+    for force, response, own, x, weight in each:
         np.subtract(response, np.multiply(values, force, out=one), out=one)
         squared(one, parts, level)
+        one *= np.conj(force, out=af)
+        one.view(float)[:] *= own * x
+        growth += one
         level *= np.multiply(weight, inverse, out=weight)
         np.subtract(1, np.minimum(weight, 0.999, out=weight), out=weight)
         level /= weight
         level *= own
         variance += level
     variance *= inverse
-    return values, coherence, variance
+    growth *= inverse
+    return values, coherence, variance, growth
 
 
 def squared(

@@ -81,7 +81,7 @@ def process_in_parts(
         progress: called with the share of the work that is done, 0 to 1.
         shelf: where the FRFs lie between the passes.
         threads: that look at points at the same time; the result does not depend on them.
-        part_bytes: of FRFs, their variance and coherence that are given together; those of one
+        part_bytes: of FRFs, their variance, growth and coherence that are given together; those of one
             point are not parted. None gives all as one part.
 
     Raises:
@@ -105,7 +105,7 @@ def process_in_parts(
     )
     count = sum(len(point.responses) for point, own in zip(points, good, strict=True) if own)
     search, scale_check = DelaySearch(count, spectra.rate), FrfScale(spectra.frequency, strong)
-    most = count if part_bytes is None else max(1, part_bytes // (32 * spectra.lines.size))
+    most = count if part_bytes is None else max(1, part_bytes // (40 * spectra.lines.size))
     for part in _second_pass(spectra, source, points, good, shelf, most):
         search.add(part.frfs)
         scale_check.add(part.frfs)
@@ -205,6 +205,7 @@ def _averages(
             tuple(point.force for point, _, _ in rows for _ in point.responses),
             FRF_QUANTITY[spectra.quantity],
             np.array([estimate.variance for estimate in every]),
+            np.array([estimate.growth for estimate in every]),
         ),
         coherence=np.array([estimate.coherence for estimate in every]),
         hits=np.array([estimate.hits for estimate in every]),

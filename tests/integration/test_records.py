@@ -3,7 +3,7 @@
 import io
 import json
 from typing import Any
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import httpx
 import numpy as np
@@ -11,6 +11,9 @@ import pytest
 from scipy.io import savemat
 
 from fecore.signal import by_point, inspect
+from service.app.supervisor import LocalService
+from service.nouns.frfs.data import load_measured_campaign
+from service.platform.db.engine import make_engine, make_sessions
 from tests.support.hammer import Bench, Simulated, random_body, random_laboratory
 from tests.support.hammer import campaign as simulated_campaign
 from tests.support.rest import ok
@@ -72,7 +75,7 @@ def processed(api: httpx.Client, campaign: str, body: dict[str, Any]) -> dict[st
 
 
 def test_records_become_frfs_and_each_names_its_hits(
-    api: httpx.Client, campaign: str, hits: list[Simulated]
+    service: LocalService, api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
     stored = ok(post(api, campaign, npz(hits)), 201)["items"]
     assert len(stored) == 2 * len(hits)
@@ -110,6 +113,16 @@ def test_records_become_frfs_and_each_names_its_hits(
         assert len(frf["records"]) == 2 * len(frf["hits"])
         assert all(known[r["id"]] == r["sha256"] for r in frf["records"])
     assert result["processing"]["windows"]["force_length_s"] > 0
+    engine = make_engine(service.settings.database_url)
+    with make_sessions(engine)() as session:
+        (measured,) = load_measured_campaign(session, UUID(campaign)).frf_sets
+    engine.dispose()
+    assert measured.frfs.growth is not None
+    assert (
+        measured.frfs.variance is not None
+    )  # both are what scatter makes of hits of a linear body
+    times = np.mean(np.abs(measured.frfs.growth) ** 2) / np.mean(measured.frfs.variance)
+    assert 0.3 < times < 2
 
 
 @pytest.mark.parametrize(("count", "shown"), [(6, True), (3, False)])

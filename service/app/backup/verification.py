@@ -15,6 +15,7 @@ CHECKED = (
     ("frfs", "id", "data", "sha256"),
     ("frfs", "id", "coherence", "coherence_sha256"),
     ("frfs", "id", "variance", "variance_sha256"),
+    ("frfs", "id", "growth", "growth_sha256"),
     ("records", "id", "data", "sha256"),
     ("half_spectra", "recording_id", "data", "sha256"),
     ("coupon_curves", "coupon_id", "data", "sha256"),

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from uuid import UUID
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from fecore.arrays import FloatArray
+from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof, FrfSet
 from modalbase.formats.frfs import Frfs, table
 from service.compute.frame import Frame
@@ -133,12 +133,21 @@ class FrfTable:
         for frf, data, coherence in _stream(self.session, self.frfs, "data", "coherence"):
             yield frf, self._spectrum(frf, data), self._coherence(frf, coherence)
 
-    def variances(self) -> Iterator[tuple[Frf, FloatArray]]:
-        """Each FRF with the (L,) variance that its hits showed; all of them must have one."""
-        for frf, data in _stream(self.session, self.frfs, "variance"):
-            assert frf.variance_sha256 is not None
-            variance = decode(Spectrum("<f8", frf.lines, data, frf.variance_sha256)).real
-            yield frf, variance[self.lines].astype(np.float64)
+    def of_hits(self, name: Literal["variance", "growth"]) -> ComplexArray | None:
+        """(N, L) variance of the FRFs, or their growth, that their hits showed; None where one has
+        none.
+        """
+        dtype: Literal["<f8", "<c8"] = "<f8" if name == "variance" else "<c8"
+        digests = {frf.id: getattr(frf, f"{name}_sha256") for frf in self.frfs}
+        if None in digests.values():
+            return None
+        return np.array(
+            [
+                decode(Spectrum(dtype, frf.lines, data, digests[frf.id]))[self.lines]
+                for frf, data in _stream(self.session, self.frfs, name)
+            ],
+            dtype=complex,
+        )
 
     def _spectrum(self, frf: Frf, data: bytes) -> Values:
         spectrum = Spectrum(frf.dtype, frf.lines, data, frf.sha256)  # type: ignore[arg-type]
@@ -388,6 +397,7 @@ def _measured(table: FrfTable, frame: Frame) -> MeasuredFrfs:
         ),
         quantity=rows[0].quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
         variance=_variance(table, values),
+        growth=table.of_hits("growth"),
     )
     return MeasuredFrfs(
         frfs=frfs,
@@ -408,8 +418,8 @@ def _variance(table: FrfTable, values: np.ndarray) -> FloatArray | None:
 
     None where nothing is known.
     """
-    if all(row.variance_sha256 is not None for row in table.frfs):
-        return np.array([variance for _, variance in table.variances()])
+    if (of_hits := table.of_hits("variance")) is not None:
+        return of_hits.real
     variance = np.full(values.shape, np.nan)
     for i, (row, gamma) in enumerate(table.coherences()):
         averages = row.averages or 0

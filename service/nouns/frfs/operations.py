@@ -99,6 +99,8 @@ class Frf(Identified, Labelled, Base):
     window_rate_sd_per_s: Mapped[float | None]
     variance_sha256: Mapped[bytes | None]
     variance: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    growth_sha256: Mapped[bytes | None]
+    growth: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     superseded_by: Mapped[UUID | None]  # the processing that made it anew
 
 
@@ -106,7 +108,8 @@ READ_COLUMNS = ("campaign_id", "import_id", "dataset", *COLUMNS)
 """What an import states of an FRF."""
 PROCESSED_COLUMNS = (
     *("id", "campaign_id", "processing_id", *COLUMNS),
-    *("window_rate_per_s", "window_rate_sd_per_s", "variance", "variance_sha256"),
+    *("window_rate_per_s", "window_rate_sd_per_s"),
+    *("variance", "variance_sha256", "growth", "growth_sha256"),
 )
 """What a processing states of an FRF."""
 
@@ -156,7 +159,8 @@ def store_processed(
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    kept = (new.frfs.values, new.coherence, new.frfs.variance)
+    growth = None if new.frfs.growth is None else new.frfs.growth.astype(np.complex64, copy=False)
+    kept = (new.frfs.values, new.coherence, new.frfs.variance, growth)
     size = sum(values.nbytes for values in kept if values is not None)
     book(session, campaign_for, campaign_of(session, campaign_id), "frfs", size)
     common = {
@@ -175,8 +179,11 @@ def store_processed(
         for i, (key, response, force) in enumerate(
             zip(keys, new.frfs.responses, new.frfs.references, strict=True)
         ):
-            variance = None if new.frfs.variance is None else new.frfs.variance[i]
-            known = None if variance is None or np.isnan(variance).any() else encode(variance)
+            of_hits: dict[str, bytes | None] = {}
+            for name, each in (("variance", new.frfs.variance), ("growth", growth)):
+                known = None if each is None or np.isnan(each[i]).any() else encode(each[i])
+                of_hits[name] = None if known is None else known.data
+                of_hits[f"{name}_sha256"] = None if known is None else known.sha256
             row = {
                 "id": key,
                 "label": f"{hits[i]} hits at point {force.point}",
@@ -191,8 +198,7 @@ def store_processed(
                 **common,
                 **encode(new.frfs.values[i]).columns(),
                 **coherence_columns(new.coherence[i]),
-                "variance": None if known is None else known.data,
-                "variance_sha256": None if known is None else known.sha256,
+                **of_hits,
             }
             write([row[name] for name in PROCESSED_COLUMNS])
     return keys

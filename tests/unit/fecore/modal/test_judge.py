@@ -3,6 +3,7 @@ whatever the input.
 """
 
 import contextlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,20 @@ def test_one_record_in_several_bands_and_by_halves_has_one_answer() -> None:
         shared, count = shared + found[0], count + found[1]
     assert count >= 20
     assert shared >= 0.97 * count
+
+
+def test_hits_of_several_heights_show_what_a_cubic_spring_moves() -> None:
+    draw = KINDS["cubed"](2)
+    off, told = {}, {}
+    for known in (True, False):
+        found = identify(draw.frfs if known else replace(draw.frfs, growth=None))
+        k = [np.argmin(np.abs(found.modes.frequency_hz - f)) for f in draw.frequency_hz]
+        off[known] = np.abs(found.modes.frequency_hz[k] - draw.frequency_hz)
+        off[known] /= found.modes.frequency_sd_hz[k]
+        told[known] = [note.subject for note in found.notes if note.kind == "not_linear"]
+    assert off[True].max() < 2.5 < off[False].max()
+    assert told[True]
+    assert not told[False]
 
 
 @settings(max_examples=25)

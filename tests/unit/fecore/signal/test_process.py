@@ -20,6 +20,7 @@ from fecore.signal import (
     process,
     remove_window,
 )
+from fecore.signal.estimators import estimate
 from fecore.signal.judgement import _usual_of_most
 from tests.support import hammer
 from tests.support.habits import HabitBench
@@ -247,6 +248,17 @@ def test_frfs_have_the_scale_and_shape_of_the_exact_ones(
     # away from the antiresonances, where H1 and H2 differ by noise
     loud = np.abs(exact) > 0.02 * np.median(np.abs(exact))
     assert np.corrcoef(np.log(np.abs(exact[loud])), np.log(np.abs(measured[loud])))[0, 1] > 0.999
+
+
+def test_the_growth_of_frfs_is_what_harder_hits_change() -> None:
+    rng, x = np.random.default_rng(2), np.array([-1.0, 0.0, 1.0]) * np.sqrt(1.5)
+    pulse, H, change = rng.standard_normal((3, 100)).view(complex)
+    forces = np.exp(0.3 * x)[:, None] * pulse
+    found = estimate(forces, (H + x[:, None] * change) * forces)
+    np.testing.assert_allclose(found.growth, change, rtol=1e-5)  # single precision
+    np.testing.assert_allclose(found.values, H, rtol=1e-12)
+    alike = np.stack([pulse, pulse])
+    assert np.isnan(estimate(alike, H * alike).growth).all()
 
 
 def test_stated_variance_is_what_repeated_campaigns_show(monkeypatch: pytest.MonkeyPatch) -> None:
