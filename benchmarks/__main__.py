@@ -62,6 +62,7 @@ TABLES = {
         Case("campaigns", "updates", "plans 12 17", "plans 1 17"),
         Case("cards", "core", quick="1", needs="ccx"),
         Case("trend", "trend", quick="2"),
+        Case("tracks", "tracks", quick="2"),
     ),
     "speed": (
         Case("forward", "core", quick="3"),

@@ -3,8 +3,8 @@ rate.
 
 `assess` is the entry point of monitors: series of dated estimates and a `Watch` in, an `Assessment`
 out. The rooms in the order in which data flows: series, charts, autocorrelation, baseline, states,
-change, common_factor, assessment, explanations, document. `tracking` says which modes of several campaigns are
-the same, so that they make a series.
+change, common_factor, assessment, explanations, document. `tracking` says which modes of several
+runs are the same, and `mode_series` makes series of them.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess
@@ -12,14 +12,15 @@ from fecore.trend.autocorrelation import Autocorrelation
 from fecore.trend.baseline import Baseline, Scores, fit_baseline, score
 from fecore.trend.change import ChangePoint, Line, Rate, change_point, line, rate, rate_since_onset
 from fecore.trend.charts import Chart, Limits, alarm_probability, average_run_length, control_limits
+from fecore.trend.mode_series import ModeSeries, ModesOfRun, mode_series
 from fecore.trend.series import Direction, Series, Watch, in_time_order
 from fecore.trend.states import Acknowledgement, Condition, Event, Moment, State, step, worst
-from fecore.trend.tracking import Shape, TrackedMode, track
+from fecore.trend.tracking import Shape, TrackedMode, Tracks, follow, track
 
 __all__ = [
     "Acknowledgement", "Assessment", "Autocorrelation", "Baseline", "ChangePoint", "Chart", "Condition",
-    "Direction", "Event", "Limits", "Line", "Moment", "ParameterTrend", "Rate", "Scores", "Series", "Shape",
-    "State", "TrackedMode", "Watch", "alarm_probability", "assess", "average_run_length", "change_point",
-    "control_limits", "fit_baseline", "in_time_order", "line", "rate", "rate_since_onset", "score", "step", "track",
-    "worst",
+    "Direction", "Event", "Limits", "Line", "ModeSeries", "ModesOfRun", "Moment", "ParameterTrend", "Rate", "Scores",
+    "Series", "Shape", "State", "TrackedMode", "Tracks", "Watch", "alarm_probability", "assess",
+    "average_run_length", "change_point", "control_limits", "fit_baseline", "follow", "in_time_order", "line",
+    "mode_series", "rate", "rate_since_onset", "score", "step", "track", "worst",
 ]  # fmt: skip

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from fecore.normal import Z_95
 from fecore.trend import Series, TrackedMode, line, track
+from fecore.trend.series import days_since
 from service.nouns.campaigns.climate import CLIMATE, Climate
 from service.nouns.modes.operations import modes_of, shape_of
 from service.nouns.search.nouns import NOUNS
@@ -254,17 +255,25 @@ def _rows(
 def _name_tracks(session: Session, rows: Sequence[Row]) -> None:
     """Give each mode the name of its track within its structure as `series`."""
     sets = modes_of(session, list({row["id"] for row in rows}))
-    shapes = {(key, mode.number): shape_of(mode) for key, modes in sets.items() for mode in modes}
+    known = {
+        (key, mode.number): TrackedMode(
+            mode.frequency_hz,
+            shape_of(mode),
+            mode.frequency_sd_hz,
+            damping_ratio=mode.damping_ratio,
+        )
+        for key, modes in sets.items()
+        for mode in modes
+    }
     ordered = sorted(
         rows, key=lambda row: (row["structure_id"], row["performed_at"], row["id"], row["number"])
     )
     for _, of_structure in groupby(ordered, key=lambda row: row["structure_id"]):
         campaigns = [list(group) for _, group in groupby(of_structure, key=lambda row: row["id"])]
-        tracked = [
-            [TrackedMode(row["hz"], shapes[row["id"], row["number"]]) for row in modes]
-            for modes in campaigns
-        ]
-        for modes, numbers in zip(campaigns, track(tracked), strict=True):
+        tracked = [[known[row["id"], row["number"]] for row in modes] for modes in campaigns]
+        times = [modes[0]["performed_at"] for modes in campaigns]
+        days = days_since(times[0], times).tolist()
+        for modes, numbers in zip(campaigns, track(tracked, days), strict=True):
             for row, number in zip(modes, numbers, strict=True):
                 row["series"] = f"mode {number + 1}"
 

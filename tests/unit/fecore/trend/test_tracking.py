@@ -3,8 +3,10 @@ newcomers.
 """
 
 import numpy as np
+import pytest
 
-from fecore.trend import TrackedMode, track
+from fecore.errors import InputError
+from fecore.trend import TrackedMode, follow, track
 from fecore.trend.tracking import same_modes
 
 POINTS = np.linspace(0.1, 0.9, 9)
@@ -57,3 +59,68 @@ def test_of_two_alike_shapes_the_nearer_frequency_is_meant() -> None:
     others = [TrackedMode(101.0, nearly), TrackedMode(112.0, shape)]
     assert same_modes([TrackedMode(100.0, shape)], others) == {0: 0}
     assert same_modes([TrackedMode(100.0, shape)], []) == {}
+
+
+def test_modes_nearer_than_their_sds_are_told_by_frequency() -> None:
+    """Shapes of a pair mix by any angle from run to run, so the MAC would swap half of them. What
+    a swap would have done is said.
+    """
+    rng = np.random.default_rng(4)
+    runs, sd = [], 0.01
+    plane = np.array([list(bent(order, 10.0).shape.values()) for order in (1, 2)])
+    for _ in range(30):
+        angle = rng.uniform(0, np.pi)
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        values = turn @ plane
+        hz = np.array([10.0, 10.02]) + sd / 4 * rng.standard_normal(2)
+        runs.append(
+            [
+                TrackedMode(f, dict(enumerate_dofs(row)), frequency_sd_hz=sd, damping_ratio=0.01)
+                for f, row in zip(hz, values, strict=True)
+            ]
+        )
+    tracks = follow(runs)
+    order = [np.argsort([mode.frequency_hz for mode in run]).tolist() for run in runs]
+    kept = [
+        [numbers[i] for i in places] for numbers, places in zip(tracks.numbers, order, strict=True)
+    ]
+    assert kept == [kept[0]] * 30
+    assert np.min(tracks.identity_sd[-1]) > 1e-4  # a swap is likely by these sds
+
+
+def enumerate_dofs(values: np.ndarray) -> list[tuple[tuple[int, int], complex]]:
+    """Values by their degrees of freedom."""
+    return [((point, 3), complex(value)) for point, value in enumerate(values, 1)]
+
+
+def test_runs_come_unsorted_and_spurious_modes_are_not_confirmed() -> None:
+    rng = np.random.default_rng(5)
+    days = rng.permutation(40).astype(float)
+    runs = []
+    for day in days:
+        drift = 1 - 0.001 * day  # one mode falls onto where the other was: time order keeps both
+        modes = [bent(1, 10.0 * drift), bent(2, 10.5 * drift), bent(3, 22.0)]
+        if day % 5 == 0:
+            modes.insert(0, TrackedMode(5.0 + day / 10))
+        runs.append(modes[: None if day % 7 else -1])
+    tracks = follow(runs, days.tolist())
+    watched = tracks.confirmed(range(40))
+    assert [round(tracks.frequency_hz[k], 1) for k in watched] == [9.8, 10.3, 22.0]
+    for run, numbers in zip(runs, tracks.numbers, strict=True):
+        own = [k for mode, k in zip(run, numbers, strict=True) if mode.shape]
+        assert own == watched[: len(own)]
+
+
+@pytest.mark.parametrize(
+    ("mode", "days", "named"),
+    [
+        (TrackedMode(-1.0), [0.0], "frequency_hz"),
+        (TrackedMode(1.0, frequency_sd_hz=-1.0), [0.0], "frequency_sd_hz"),
+        (TrackedMode(1.0, {(1, 1): np.nan}), [0.0], "shape"),
+        (TrackedMode(1.0), [np.nan], "days"),
+        (TrackedMode(1.0), [0.0, 1.0], "days"),
+    ],
+)
+def test_what_cannot_be_followed_is_named(mode: TrackedMode, days: list[float], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        follow([[mode]], days)

@@ -1,0 +1,40 @@
+"""Series of modes without a model, on made runs of `benchmarks.tracks`: seasons, wind, gaps, a pair
+that crosses, spurious modes.
+"""
+
+import numpy as np
+import pytest
+
+from benchmarks.tracks import BASELINE, CHANGE, HZ, first_alarm, make, swaps
+from fecore.trend import mode_series
+
+
+def test_five_modes_are_watched_through_gaps_and_a_crossing() -> None:
+    made = make(np.random.default_rng(1), 0.0)
+    watched, modes, swapped, beyond, lost = swaps(made)
+    assert watched == 5
+    # two of the five lie within their sds of one another for long: there they may swap
+    assert swapped < 0.12 * modes
+    assert beyond < 0.01 * modes
+    assert lost < 0.02 * modes
+    found = mode_series(made.runs, BASELINE)
+    assert [*found.series] == [
+        f"{kind}_{n}" for n in range(1, 6) for kind in ("frequency", "damping_ratio")
+    ]
+    means = [found.series[f"frequency_{n}"].estimate.mean() for n in range(1, 6)]
+    assert means == pytest.approx(HZ, rel=0.01)  # seasons move them by 1 % at most
+    assert 0 < len(found.series["frequency_1"]) < len(made.runs)  # gaps
+    assert np.isfinite(found.series["frequency_1"].covariates["wind_m_s"]).all()
+    assert found.newcomers == ()
+
+
+def test_one_percent_of_one_frequency_raises_an_alarm_and_seasons_do_not() -> None:
+    same, less = (make(np.random.default_rng(2), change) for change in (0.0, -0.01))
+    assert first_alarm(mode_series(same.runs, BASELINE - 10)) is None
+    at = first_alarm(mode_series(less.runs, BASELINE - 10))
+    assert at is not None
+    assert BASELINE + CHANGE <= at <= BASELINE + CHANGE + 3  # measured delay: 0.5 in the mean
+
+
+def test_nothing_gives_nothing() -> None:
+    assert mode_series([], 4).series == {}
