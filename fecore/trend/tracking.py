@@ -155,8 +155,8 @@ def follow(runs: Sequence[Sequence[TrackedMode]], days: Sequence[float] | None =
         elapsed = 0.0 if before is None else times[at] - before
         before = times[at]
         for state in states:
-            grown = state.variance + _DRIFT**2 * elapsed / _DAYS_A_MONTH
-            state.variance = min(grown, max(_WIDEST**2, state.variance))
+            extended = state.variance + _DRIFT**2 * elapsed / _DAYS_A_MONTH
+            state.variance = min(extended, max(_WIDEST**2, state.variance))
         # 3. Assign.
         cost, likeness, mixing = _costs(modes, states)
         chosen = _assigned(cost, states)
@@ -236,18 +236,18 @@ def _costs(
         np.array([getattr(state, name) for state in states], float)
         for name in ("mean", "variance", "scatter", "unlike", "seen", "runs")
     )
-    away = modes.log_hz[:, None] - mean
+    off = modes.log_hz[:, None] - mean
     total = variance + scatter + modes.variance[:, None]
     nu = _KNOWN + seen  # of Student's t, whose density follows
     level = scipy.special.gammaln((nu + 1) / 2) - scipy.special.gammaln(nu / 2)
-    near = level - np.log(nu * np.pi * total) / 2 - (nu + 1) / 2 * np.log1p(away**2 / (nu * total))
+    near = level - np.log(nu * np.pi * total) / 2 - (nu + 1) / 2 * np.log1p(off**2 / (nu * total))
     changed = np.log(_CHANGED / (2 * SAME_MODE))
     cost: FloatArray = -np.logaddexp(np.log1p(-_CHANGED) + near, changed)
     likeness = _mac(modes.shapes, np.array([state.shape for state in states]))
     # where a mode may as well be another track's by its frequency, shapes mix
     reach = 2 * np.sqrt(modes.variance[:, None] + np.minimum(variance, modes.variance[:, None]))
     reach = np.where(modes.stated[:, None], reach, _MIXING)
-    within = np.abs(away) < reach
+    within = np.abs(off) < reach
     mixing = within & (within.sum(axis=1) > 1)[:, None]
     for i in np.flatnonzero(mixing.any(axis=1)):
         others = np.flatnonzero(within[i])
@@ -257,7 +257,7 @@ def _costs(
     same = -(1 - likeness) / d - np.log(d * -np.expm1(-1 / d))
     cost -= np.nan_to_num(same)
     cost -= np.log((1 + seen) / (2 + runs))
-    cost[np.abs(away) > np.log1p(SAME_MODE)] = _FORBIDDEN
+    cost[np.abs(off) > np.log1p(SAME_MODE)] = _FORBIDDEN
     return cost, likeness, mixing
 
 
@@ -313,15 +313,15 @@ def _learn(state: _TrackState, modes: _Modes, i: int, likeness: float, *, mixed:
     """Update a state by the mode that continues its track."""
     x, stated = float(modes.log_hz[i]), float(modes.variance[i])
     noise = state.scatter + stated
-    away = x - state.mean
+    off = x - state.mean
     gain = state.variance / (state.variance + noise)
     # of the difference, what is the scatter's: the step of an EM for a sum of two variances
     total = state.variance + noise
     share = state.scatter / total
-    scatter = (share * away) ** 2 + state.scatter * (1 - share)
+    scatter = (share * off) ** 2 + state.scatter * (1 - share)
     known = _KNOWN + state.seen
     state.scatter += (scatter - state.scatter) / known
-    state.mean += gain * away
+    state.mean += gain * off
     state.variance *= 1 - gain
     state.seen += 1
     state.total += x

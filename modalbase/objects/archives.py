@@ -40,6 +40,7 @@ _COUPON = (
 )
 _MONITOR = (
     *(
+        "watch",
         "recipe",
         "modes",
         "priors",
@@ -392,7 +393,10 @@ class _Import:
         recipe = dict(was["recipe"])
         if (batch := recipe.get("prior_from_coupon_batch")) is not None:
             recipe["prior_from_coupon_batch"] = self.ids[batch]
-        stated = {name: was[name] for name in _MONITOR} | {"recipe": recipe, "active": False}
+        stated = {name: was[name] for name in _MONITOR if name in was} | {
+            "recipe": recipe,
+            "active": False,
+        }
         self.ids[_id(was)] = structure.new_monitor(was["name"], confirm=True, **stated).id
 
 

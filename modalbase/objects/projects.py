@@ -337,7 +337,8 @@ class Structure(Attached, Editable):
         return self._one(CouponBatch, which, create, fields, confirm)
 
     def new_monitor(self, name: str, *, confirm: bool = False, **fields: Any) -> Monitor:
-        """Watch it as it ages: a frozen recipe that runs on every complete campaign.
+        """Watch it as it ages: a frozen recipe that runs on every complete campaign, or, with
+        `watch="modes"`, its natural frequencies and damping ratios, which need no model.
 
         Args:
             name: of the monitor.

@@ -17,6 +17,7 @@ from starlette.concurrency import run_in_threadpool
 from fecore import __version__
 from service.app.composition import FINDERS, ROUTERS
 from service.nouns.monitors.live import look_at_monitors
+from service.nouns.monitors.metrics import MonitorMetrics
 from service.pages import PageErrors, add_pages
 from service.pages.guide.routes import router as guide
 from service.pages.look import files as assets
@@ -171,10 +172,11 @@ def _add_metrics(app: FastAPI) -> None:
     own_thread = CapacityLimiter(1)
     jobs = CollectorRegistry()
     jobs.register(JobMetrics(app.state.sessions))
+    jobs.register(MonitorMetrics(app.state.sessions))
 
     @app.get("/metrics", include_in_schema=False)
     async def metrics() -> Response:
-        """Metrics for Prometheus: of this process, and of all jobs."""
+        """Metrics for Prometheus: of this process, of all jobs, and of monitors."""
         written = generate_latest() + await to_thread.run_sync(
             generate_latest, jobs, limiter=own_thread
         )

@@ -22,6 +22,7 @@ from service.figures.measured import (
     point_shown,
 )
 from service.figures.responses import spectra_figure, spectra_shown
+from service.figures.tracks import FREQUENCY, covariate_figure, tracks_figure
 from service.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.coupons.curves import curve_of, series_of
@@ -188,19 +189,36 @@ def get_series_figure(
     user: CurrentUser,
     request: FigureRequestDep,
     parameter: Annotated[
-        str | None, Query(max_length=60, description="default: the first one that is watched")
+        str | None,
+        Query(
+            max_length=60,
+            description=(
+                "default: the first one that is watched; `frequency` of a monitor of modes: all"
+                " of its tracks"
+            ),
+        ),
+    ] = None,
+    over: Annotated[
+        str | None,
+        Query(max_length=60, description="a covariate: before and after it was taken out"),
     ] = None,
     series: Version = None,
 ) -> Response:
-    """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG,
-    PNG, PDF for print.
+    """The series of a parameter as a figure, over time or over a covariate: Plotly JSON for the
+    browser and notebooks, or SVG, PNG, PDF for print.
     """
     monitor = monitor_for(session, user, monitor_id)
     document = series_document(session, monitor, series_for(session, monitor, series))
     watched = list(monitor.watch["directions"])
+    if monitor.watches == "modes":
+        watched += [row["name"] for row in document["parameters"]]
     chosen = parameter or watched[0]
     if chosen not in watched:
         raise Invalid("parameter", f"{chosen!r} is not watched; {', '.join(watched)} are")
+    if over is not None:
+        return request.answer(lambda: covariate_figure(document, chosen, over), chosen)
+    if monitor.watches == "modes" and chosen == FREQUENCY:
+        return request.answer(lambda: tracks_figure(document), chosen)
     return request.answer(lambda: series_figure(document, chosen), chosen)
 
 

@@ -9,11 +9,17 @@ from fastapi import Query, Request, Response
 from service.monitoring import runs
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.monitors import operations as monitors
-from service.nouns.monitors.alarms import acknowledge, alarm_for, alarms_seen
+from service.nouns.monitors.alarms import acknowledge, alarm_for, alarms_seen, raised_with
 from service.nouns.monitors.parameters import Version
-from service.nouns.monitors.presentation import describe_alarms, describe_runs, series_document
+from service.nouns.monitors.presentation import (
+    describe_alarms,
+    describe_runs,
+    flat_rows,
+    series_document,
+)
 from service.nouns.monitors.runs import monitor_for, runs_of
 from service.nouns.monitors.schemas import (
+    AcknowledgedOut,
     AcknowledgementIn,
     AlarmOut,
     CompletionOut,
@@ -22,9 +28,9 @@ from service.nouns.monitors.schemas import (
     MonitorPatch,
     RunOut,
     RunsIn,
-    SeriesOut,
     State,
 )
+from service.nouns.monitors.series_schemas import SeriesOut
 from service.nouns.monitors.watching import request_check
 from service.nouns.notifications.routes import DeliveryOut, deliveries_of_monitor
 from service.platform.access import (
@@ -189,6 +195,29 @@ def get_series(
     return series_document(session, monitor, monitors.series_for(session, monitor, series))
 
 
+@router.get("/monitors/{monitor_id}/series/rows")
+def get_series_rows(
+    monitor_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    series: Version = None,
+    parameter: Annotated[
+        list[str] | None,
+        Query(max_length=100, description="these only, such as `frequency_1`; default: all"),
+    ] = None,
+) -> list[dict[str, Any]]:
+    """The series as flat rows, one for each value, with ISO times: what the JSON and Infinity
+    sources of Grafana read.
+    """
+    monitor = monitor_for(session, user, monitor_id)
+    shown = series_document(session, monitor, monitors.series_for(session, monitor, series))
+    watched = [*monitor.watch["directions"], *(row["name"] for row in shown["parameters"])]
+    if unknown := sorted(set(parameter or ()) - set(watched)):
+        raise Invalid("parameter", f"{unknown[0]!r} is not watched; {', '.join(watched)} are")
+    rows = flat_rows(shown)
+    return rows if parameter is None else [row for row in rows if row["parameter"] in parameter]
+
+
 @router.post("/campaigns/{campaign_id}/complete")
 def complete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> CompletionOut:
     """Say that everything of a campaign is in, so that its structure's monitors need not wait.
@@ -234,14 +263,18 @@ def get_alarm(alarm_id: UUID, session: SessionDep, user: CurrentUser) -> AlarmOu
 @router.post("/alarms/{alarm_id}/acknowledge")
 def acknowledge_alarm(
     alarm_id: UUID, body: AcknowledgementIn, session: SessionDep, user: CurrentUser
-) -> AlarmOut:
+) -> AcknowledgedOut:
     """Say that you have seen an alarm, and what you make of it. The monitor is judged anew with
     that.
     """
     alarm = alarm_for(session, user, alarm_id, "editor")
     acknowledge(session, user, alarm, body.note)
+    others = raised_with(session, alarm) if body.together else ()
+    for other in others:
+        acknowledge(session, user, other, body.note)
     request_check(session, alarm.monitor_id)
-    return describe_alarms(session, [alarm])[0]
+    (shown,) = describe_alarms(session, [alarm])
+    return AcknowledgedOut(**shown.model_dump(), together=[other.id for other in others])
 
 
 @router.get("/monitors/{monitor_id}/deliveries")

@@ -1,4 +1,4 @@
-"""Runs: from campaigns that are complete to update jobs.
+"""Runs: from campaigns that are complete to update jobs, or to modes.
 
 `bring_up_to_date` compares what has been run with what should have been and starts the difference,
 so it may be called as often as one likes, by anyone, in any transaction that holds the monitor's
@@ -20,6 +20,7 @@ from sqlalchemy.orm import Session
 from fecore import __version__
 from fecore.errors import FecoreError
 from fecore.updating.parameters import constant_of, parametrise
+from service.monitoring.of_modes import begin, collect_modes
 from service.nouns.campaigns.operations import campaign_of, campaigns_of
 from service.nouns.monitors.candidates import Candidate, candidates_of
 from service.nouns.monitors.operations import note_complete, running_on
@@ -41,7 +42,7 @@ from service.tasks.update.task import start_update
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign
-    from service.nouns.monitors.tables import CampaignCompletion, Monitor, MonitorRun
+    from service.nouns.monitors.tables import CampaignCompletion, Monitor, MonitorRun, MonitorSeries
 
 
 @dataclass(frozen=True)
@@ -89,12 +90,22 @@ def bring_up_to_date(
         run = new_run(session, series, one, latest)
         if objection is not None:
             run.state, run.message, run.finished_at = "refused", objection, moment.now
+        elif monitor.watches == "modes":
+            begin(session, monitor, run, one)
         else:
             _start(session, monitor, run, one, runs)
         session.flush()
         runs[one.campaign.id] = run
         started.append(run)
     return started
+
+
+def take_over(session: Session, monitor: Monitor, series: MonitorSeries) -> None:
+    """Take over what the jobs of runs have brought since."""
+    if monitor.watches == "modes":
+        collect_modes(session, monitor, series)
+    else:
+        collect(session, series)
 
 
 def _is_due(one: Candidate, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
@@ -138,6 +149,8 @@ def _held_otherwise(one: Candidate, monitor: Monitor) -> str | None:
 
 def _outdated(session: Session, monitor: Monitor) -> str | None:
     """Why the monitor can start nothing any more, if that is so."""
+    if monitor.watches == "modes":
+        return None  # modes are of the structure, whatever is known of it
     structure = structure_of(session, monitor.structure_id)
     frozen = version_of(session, monitor.structure_version_id)
     if structure.version != frozen.number:
@@ -259,7 +272,7 @@ def run_by_hand(
         raise Conflict("the monitor is at rest; set `active` first")
     if campaign_id is not None:
         _check_campaign(session, monitor, campaign_id)
-    collect(session, newest_series(session, monitor))
+    take_over(session, monitor, newest_series(session, monitor))
     started = bring_up_to_date(
         session, monitor, Moment(datetime.now(UTC), NOW), by_hand=True, only=campaign_id
     )
@@ -313,7 +326,7 @@ def complete_campaign(
     row = note_complete(session, user, campaign)
     started: list[MonitorRun] = []
     for monitor in running_on(session, campaign):
-        collect(session, newest_series(session, monitor))
+        take_over(session, monitor, newest_series(session, monitor))
         started += bring_up_to_date(
             session, monitor, Moment(datetime.now(UTC), NOW), only=campaign.id
         )

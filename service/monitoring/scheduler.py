@@ -21,8 +21,8 @@ import structlog
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from service.monitoring.runs import Moment, bring_up_to_date
-from service.nouns.monitors.runs import collect, newest_series
+from service.monitoring.runs import Moment, bring_up_to_date, take_over
+from service.nouns.monitors.runs import newest_series
 from service.nouns.monitors.watching import REQUESTED, held, next_time, watching
 from service.nouns.notifications.sender import Sender
 from service.platform.db.engine import Sessions, make_engine, make_sessions
@@ -127,7 +127,7 @@ def check(session: Session, monitor_id: UUID, settle: timedelta) -> None:
         return
     now = datetime.now(UTC)
     series = newest_series(session, monitor)
-    collect(session, series)
+    take_over(session, monitor, series)
     if _runs_by_itself(monitor, now):
         bring_up_to_date(session, monitor, Moment(now, settle))
     judge_if_changed(session, monitor, series, now)

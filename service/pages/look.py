@@ -28,7 +28,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from fecore import __version__
 from modalbase.formats.registry import FORMATS, titles
 from service import tasks
-from service.nouns.campaigns.climate import CLIMATE, stated
+from service.nouns.campaigns.climate import CLIMATE, shown_after, stated
 from service.nouns.campaigns.operations import campaign_for, describe
 from service.nouns.structures import routes as structures
 from service.pages import numbers
@@ -134,7 +134,12 @@ def root_of(path: str) -> str:
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates", Path(tasks.__path__[0]))
     made.filters.update(
-        numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled, climate=stated
+        numbers.FILTERS,
+        bar=bar,
+        page_words=page_words,
+        labelled=labelled,
+        climate=stated,
+        shown_after=shown_after,
     )
     made.globals.update(
         asset=address,

@@ -2,7 +2,7 @@
 monitors.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 from uuid import UUID
@@ -13,7 +13,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from service.figures.measured import AXES
 from service.monitoring import routes as monitoring
 from service.nouns.campaigns import routes as campaigns
-from service.nouns.campaigns.operations import campaign_for, frame_of, stored_points
+from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.operations import campaign_for, campaigns_of, frame_of, stored_points
 from service.nouns.campaigns.schemas import Boundary, CampaignOut
 from service.nouns.coupons import routes as coupons
 from service.nouns.frfs import routes as frfs
@@ -25,6 +26,7 @@ from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.modes.schemas import ModeSetOut
 from service.nouns.monitors.live import look_at_monitors
+from service.nouns.monitors.schemas import AlarmOut
 from service.nouns.recordings import routes as recordings
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
@@ -353,14 +355,31 @@ def get_monitors(visit: VisitDep) -> HTMLResponse:
     return visit.show(
         "monitors.html",
         monitors=monitoring.list_monitors(visit.session, visit.user, limit=MOST_WATCHED).items,
-        alarms=[
-            alarm
-            for state in ("alarm", "acknowledged")
-            for alarm in monitoring.list_alarms(
-                visit.session, visit.user, state=state, limit=MOST_WATCHED
-            ).items
-        ],
+        **_causes(
+            visit,
+            [
+                alarm
+                for state in ("alarm", "acknowledged")
+                for alarm in monitoring.list_alarms(
+                    visit.session, visit.user, state=state, limit=MOST_WATCHED
+                ).items
+            ],
+        ),
     )
+
+
+def _causes(visit: Visit, alarms: Sequence[AlarmOut]) -> dict[str, Any]:
+    """Alarms by what may be one cause, those of a monitor that one campaign raised, as they came;
+    and the campaigns' names.
+    """
+    groups: dict[tuple[UUID, UUID, str], list[AlarmOut]] = {}
+    for alarm in alarms:
+        groups.setdefault((alarm.monitor_id, alarm.campaign_id, alarm.state), []).append(alarm)
+    rows = campaigns_of(visit.session, [alarm.campaign_id for alarm in alarms])
+    return {
+        "alarms": list(groups.values()),
+        "names": {str(key): row.name for key, row in rows.items()},
+    }
 
 
 @router.get("/monitors/{monitor_id}")
@@ -368,20 +387,49 @@ def get_monitor(
     monitor_id: UUID,
     visit: VisitDep,
     series: Annotated[int | None, Query(ge=1, le=1_000_000)] = None,
+    show: Annotated[list[str] | None, Query(max_length=100)] = None,
+    over: Annotated[str, Query(max_length=60)] = "",
 ) -> HTMLResponse:
-    """A monitor: a figure of each watched parameter with its limits, what they say, alarms,
-    runs.
+    """A monitor: alarms, a figure of each chosen parameter with its limits over time or a
+    covariate, what they say, runs. Chosen are those that call, else the first one.
     """
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
+    document = monitoring.get_series(monitor_id, visit.session, visit.user, series)
+    measured = {each["campaign_id"]: each for each in document["campaigns"]}
+    document["notes"] = [_with_names(note, measured.values()) for note in document["notes"]]
+    rows = document["parameters"]
+    calling = [row["name"] for row in rows if row["state"] in ("alarm", "pending")]
+    stated = {
+        name
+        for each in measured.values()
+        for name in (*each["covariates"], *(n for n in CLIMATE if each[n] is not None))
+    }
     now = look_at_monitors(visit.session, {monitor_id}).get(monitor_id)
     return visit.show(
         "monitor.html",
         under_way=None if now is None or now.ended else now,
         **visit.in_structure(monitor.structure_id),
         monitor=monitor,
-        series=monitoring.get_series(monitor_id, visit.session, visit.user, series),
-        alarms=monitoring.list_alarms(
-            visit.session, visit.user, monitor=monitor_id, limit=MOST_WATCHED
-        ).items,
+        series=document,
+        campaigns=measured,
+        chosen=[row["name"] for row in rows if row["name"] in (show or calling)]
+        or [row["name"] for row in rows[:1]],
+        covariates=sorted(stated),
+        over=over if over in stated else "",
+        **_causes(
+            visit,
+            monitoring.list_alarms(
+                visit.session, visit.user, monitor=monitor_id, limit=MOST_WATCHED
+            ).items,
+        ),
         runs=monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items,
     )
+
+
+def _with_names(note: str, campaigns: Iterable[Mapping[str, Any]]) -> str:
+    """A note with campaigns by name and date in place of their keys."""
+    for each in campaigns:
+        if each["campaign_id"] in note:
+            at = (each["performed_at"] or "")[:10]
+            note = note.replace(each["campaign_id"], f"{each['name']} ({at})")
+    return note

@@ -197,11 +197,15 @@ RESULTS: dict[str, Body] = {
     ),
     "GET /coupons/{coupon_id}/figures/{name}": Body(ids={"coupon_id": "curve_id", "name": "curve"}),
     "GET /monitors/{monitor_id}/series/figure": Body(
-        {"parameter": "a0", "series": To(99, status=404)}
+        {"parameter": "a0", "over": "wind_m_s", "series": To(99, status=404)}
+    ),
+    "GET /monitors/{monitor_id}/series/rows": Body(
+        {"parameter": To(["flange.E1"], status=422), "series": To(99, status=404)}
     ),
     "POST /structures/{structure_id}/monitors": Body(
         {
             "name": NEW,
+            "watch": "modes",
             "recipe": {**RECIPE, "seed": 3},
             "modes": "given",
             "priors": "last",
@@ -258,7 +262,9 @@ RESULTS: dict[str, Body] = {
         {"state": "cleared", "monitor": "{second_monitor_id}", "project": "{second_project_id}"}
     ),
     "POST /alarms/{alarm_id}/acknowledge": Body(
-        {"note": "n {n}"}, {"note": "first"}, fresh=lambda lab: {"alarm_id": lab.alarm()}
+        {"note": "n {n}", "together": True},
+        {"note": "first"},
+        fresh=lambda lab: {"alarm_id": lab.alarm()},
     ),
     "GET /monitors/{monitor_id}/deliveries": Body(),
     "POST /deliveries/{delivery_id}/replay": Body(),

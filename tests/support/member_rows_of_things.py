@@ -110,6 +110,7 @@ CAMPAIGN_ROWS: dict[str, Any] = {
     "performed_at": "2026-03-02T09:30:00Z",
     "temperature_c": 21.5,
     "humidity_percent": 40.0,
+    "covariates": {"wind_m_s": 4.2},
     "instruments": {"sensor": {"model": "4508"}},
     "frame": {"origin_m": [0.1, 0, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0]},
     "inputs": {"window_rate_per_s": 2.0},

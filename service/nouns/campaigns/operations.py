@@ -69,6 +69,8 @@ class Campaign(Identified, Labelled, Base):
     instruments: Mapped[dict[str, Any]]
     frame: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    # others than the climate, by name
+    covariates: Mapped[dict[str, float]] = mapped_column(JSONB, server_default=text("'{}'"))
     notes: Mapped[str] = mapped_column(default="")
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
     deleted_at: Mapped[datetime | None]

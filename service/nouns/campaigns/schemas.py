@@ -9,7 +9,13 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from fecore.errors import InputError
 from fecore.updating.inputs import SOFTEST_CLAMP
 from service.compute.frame import make_frame
-from service.nouns.campaigns.climate import Climate
+from service.nouns.campaigns.climate import (
+    MOST_COVARIATES,
+    Climate,
+    Covariates,
+    Values,
+    climate_apart,
+)
 from service.nouns.structures.schemas import Deviation
 from service.platform.web import (
     LongList,
@@ -157,7 +163,7 @@ class _Performed(StrictModel):
     performed_at: Time | None = None
 
 
-class CampaignIn(Climate, _Performed, RequestModel):
+class CampaignIn(Covariates, Climate, _Performed, RequestModel):
     """A campaign as a client describes it."""
 
     model_config = example(
@@ -188,11 +194,21 @@ class CampaignPatch(Climate, _PerformedPatch, RequestModel):
     instruments: Instruments | None = None
     frame: FrameIn | None = None
     inputs: StatedInputs | None = None
+    covariates: Values | None = Field(
+        None,
+        max_length=MOST_COVARIATES,
+        description="all of them: they take the place of those before",
+    )
     notes: Text | None = None
     tags: Tags | None = None
     meta: Meta | None = None
 
-    _never_null = not_null("name", "boundary", "instruments", "notes", "tags", "meta")
+    _never_null = not_null("name", "boundary", "instruments", "covariates", "notes", "tags", "meta")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _climate_among_them(cls, data: Any) -> Any:
+        return climate_apart(data)
 
 
 class _PerformedOut(StrictModel):
@@ -203,7 +219,7 @@ class _PerformedOut(StrictModel):
     performed_at: datetime | None
 
 
-class CampaignOut(Climate, _PerformedOut):
+class CampaignOut(Covariates, Climate, _PerformedOut):
     """A campaign."""
 
     model_config = ConfigDict(json_schema_serialization_defaults_required=True)

@@ -240,3 +240,14 @@ def acknowledge(session: Session, user: User, alarm: Alarm, note: str) -> None:
     alarm.acknowledged_at, alarm.acknowledged_by, alarm.note = datetime.now(UTC), user.id, note
     _step(session, monitor, alarm, "acknowledged", note, user)
     session.flush()
+
+
+def raised_with(session: Session, alarm: Alarm) -> Sequence[Alarm]:
+    """The other open alarms of a monitor that the same campaign raised."""
+    query = select(Alarm).where(
+        Alarm.monitor_id == alarm.monitor_id,
+        Alarm.campaign_id == alarm.campaign_id,
+        Alarm.state == "alarm",
+        Alarm.id != alarm.id,
+    )
+    return session.scalars(query.order_by(Alarm.id)).all()

@@ -2,8 +2,8 @@
 them.
 
 A campaign is complete when its date is stated, no import into it is queued or running, and either
-somebody has said so (`POST /campaigns/{id}/complete`) or it has FRFs and nothing was added for a
-while.
+somebody has said so (`POST /campaigns/{id}/complete`) or it has what the monitor takes (FRFs; for a
+monitor of modes, a mode set, time blocks or a recording will do) and nothing was added for a while.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from service.nouns.frfs.operations import frf_digests
 from service.nouns.imports.operations import import_progress
 from service.nouns.modes.operations import newest_stated
 from service.nouns.monitors.tables import CampaignCompletion, Monitor
+from service.nouns.recordings.operations import recordings_held
+from service.nouns.records.operations import newest_records
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign
@@ -34,7 +36,9 @@ class Candidate:
     """A campaign with a date."""
 
     campaign: Campaign  # its row
-    measured: str | None  # digest of its FRFs and what they are between; None where there are none
+    # digest of its FRFs and what they are between; None where there are none
+    measured: str | None
+    unprocessed: bool  # whether FRFs or half spectra have to be made first
     # digest of everything that a run takes from it. Climate is not in it: a series reads that
     # afresh.
     fingerprint: str
@@ -52,13 +56,12 @@ def candidates_of(
     facts = _Facts(session, [row.id for row in rows])
     candidates: list[Candidate] = []
     for row in rows:
-        mode_set = (
-            facts.mode_sets.get(row.id, (None, None))[0] if monitor.modes == "given" else None
-        )
+        mode_set = facts.mode_set(row, monitor)
         candidates.append(
             Candidate(
                 campaign=row,
                 measured=facts.frfs[row.id][0] if row.id in facts.frfs else None,
+                unprocessed=facts.unprocessed(row),
                 fingerprint=facts.fingerprint(row, mode_set),
                 mode_set=mode_set,
                 complete=facts.complete(row, now - settle, monitor),
@@ -76,8 +79,12 @@ def _objection(
     earlier: Sequence[Candidate],
 ) -> str | None:
     """What is wrong with a campaign, seen beside those before it."""
-    if row.id not in facts.frfs:
-        return "the campaign has no FRFs"
+    if not facts.has_input(row, monitor):
+        return (
+            "the campaign has no FRFs"
+            if monitor.watches == "update"
+            else "the campaign has no FRFs, no time blocks, no recording and no mode set"
+        )
     if monitor.boundary is not None and row.boundary != monitor.boundary:
         return (
             f"the specimen was held {row.boundary!r}; this monitor compares campaigns held"
@@ -91,7 +98,7 @@ def _objection(
     for other in earlier:
         if other.objection is not None:
             continue
-        if other.measured == facts.frfs[row.id][0]:
+        if other.measured is not None and other.measured == facts.frfs.get(row.id, (None,))[0]:
             return f"holds the same FRFs as campaign {other.campaign.id}; a measurement counts once"
         if other.campaign.performed_at == row.performed_at:
             return (
@@ -109,10 +116,35 @@ class _Facts:
         self.points = point_digests(session, ids)
         self.imports = import_progress(session, ids)
         self.mode_sets = newest_stated(session, ids)
+        self.records = newest_records(session, ids)
+        self.recordings = recordings_held(session, ids)
         completed = select(CampaignCompletion.campaign_id).where(
             CampaignCompletion.campaign_id.in_(ids)
         )
         self.completed = set(session.scalars(completed))
+
+    def mode_set(self, row: Campaign, monitor: Monitor) -> UUID | None:
+        """The stated mode set that a run takes its modes from; None where it identifies them."""
+        measured = (self.frfs, self.records, self.recordings)
+        if monitor.modes == "given" or (
+            monitor.watches == "modes" and not any(row.id in each for each in measured)
+        ):
+            return self.mode_sets.get(row.id, (None, None))[0]
+        return None
+
+    def has_input(self, row: Campaign, monitor: Monitor) -> bool:
+        """Whether there is something that a run of this monitor takes."""
+        if monitor.watches == "update":
+            return row.id in self.frfs
+        takes = (self.frfs, self.records, self.recordings, self.mode_sets)
+        return any(row.id in each for each in takes)
+
+    def unprocessed(self, row: Campaign) -> bool:
+        """Whether a campaign's time blocks or recordings are all that it has to find modes in."""
+        if row.id in self.frfs:
+            return False
+        held = self.recordings.get(row.id)
+        return row.id in self.records if held is None else not held.processed
 
     def fingerprint(self, row: Campaign, mode_set: UUID | None) -> str:
         """Digest of what a run takes from a campaign."""
@@ -124,6 +156,17 @@ class _Facts:
             "frame": row.frame,
             "mode_set": str(mode_set),
             **({} if row.inputs is None else {"inputs": row.inputs}),
+            # of a campaign that has FRFs these are what its updates know of its time blocks
+            **(
+                {"records": self.records[row.id].isoformat()}
+                if row.id in self.records and row.id not in self.frfs
+                else {}
+            ),
+            **(
+                {"recordings": self.recordings[row.id].digest}
+                if row.id in self.recordings and row.id not in self.frfs
+                else {}
+            ),
         }
         return hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()
 
@@ -134,12 +177,16 @@ class _Facts:
             return False
         if row.id in self.completed:
             return True
-        if row.id not in self.frfs or (monitor.modes == "given" and row.id not in self.mode_sets):
+        if not self.has_input(row, monitor) or (
+            monitor.modes == "given" and row.id not in self.mode_sets
+        ):
             return False
         times = (
             row.updated_at,
-            self.frfs[row.id][1],
+            self.frfs.get(row.id, (None, None))[1],
             last_import,
             self.mode_sets.get(row.id, (None, None))[1],
+            self.records.get(row.id),
+            self.recordings[row.id].newest if row.id in self.recordings else None,
         )
         return max(time for time in times if time is not None) <= quiet_since

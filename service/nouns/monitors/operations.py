@@ -71,15 +71,22 @@ def create_monitor(
     structure = structure_for(session, user, structure_id, "editor")
     receivers = _receivers(body, settings)
     version = current_version(session, structure)
-    watched, per_kelvin = _checked(
-        session, user, structure, body, describe_version(version, structure.name)
+    _check_chart(body.chart)
+    watched, per_kelvin = (
+        (body.watched(()), {})
+        if body.watch == "modes"
+        else _checked(session, user, structure, body, describe_version(version, structure.name))
     )
+    stated = body.model_dump(mode="json", include=_AS_STATED)
+    if body.watch == "modes":
+        stated["recipe"] = {}
     now = datetime.now(UTC)
     monitor = Monitor(
         structure_id=structure.id,
         structure_version_id=version.id,
         user_id=user.id,
-        **body.model_dump(mode="json", include=_AS_STATED),
+        watches=body.watch,
+        **stated,
         receivers=receivers,
         watch=_frozen_watch(body, watched, per_kelvin),
         since=body.baseline.since,
@@ -113,6 +120,20 @@ def _frozen_watch(
     return {**watch, "covariates": list(body.covariates)}
 
 
+def _check_chart(chart: ChartIn) -> None:
+    """Refuse what is of another kind of chart.
+
+    Raises:
+        Invalid: it is stated.
+    """
+    for name, kind in (("weight", "ewma"), ("reference", "cusum")):
+        if chart.kind != kind and getattr(chart, name) != ChartIn.model_fields[name].default:
+            raise Invalid(
+                f"/chart/{name}",
+                f"is of the chart {kind}, and the chart is {chart.kind}: leave it out",
+            )
+
+
 def _checked(
     session: Session, user: User, structure: Structure, body: MonitorIn, described: Any
 ) -> tuple[list[WatchedIn], PerKelvin]:
@@ -131,15 +152,6 @@ def _checked(
             " takes the effect out"
         )
         raise Invalid("/recipe/reference_temperature_c", f"{why}: leave it out")
-    for name, kind in (("weight", "ewma"), ("reference", "cusum")):
-        if (
-            body.chart.kind != kind
-            and getattr(body.chart, name) != ChartIn.model_fields[name].default
-        ):
-            raise Invalid(
-                f"/chart/{name}",
-                f"is of the chart {kind}, and the chart is {body.chart.kind}: leave it out",
-            )
     check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
     recipe.inputs.to_core()
     specimen = body_for(session, described, body.boundary or usual_boundary(described), recipe)
@@ -306,6 +318,7 @@ def _described(monitor: Monitor, structure: Structure, maker: str, open_alarms: 
         monitor,
         **frozen,
         **_addresses(monitor),
+        watch=monitor.watches,
         structure_name=structure.name,
         project_id=structure.project_id,
         acts_for=maker,

@@ -12,6 +12,7 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from fecore.normal import Z_95
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaigns_of
 from service.nouns.monitors.judgements import last_judgement
@@ -90,8 +91,10 @@ def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
         key=lambda r: (r.performed_at is None, r.performed_at or r.created_at, r.id),
     ):
         run = runs[row.id]
-        of_run = _members(run, "revision", "state", "message", "update_job_id", "software")
-        of_campaign = _members(row, "name", "performed_at", *CLIMATE)
+        of_run = _members(
+            run, "revision", "state", "message", "update_job_id", "job_id", "software"
+        )
+        of_campaign = _members(row, "name", "performed_at", "covariates", *CLIMATE)
         keys = {"campaign_id": str(row.id), "run_id": str(run.id)}
         shown.append({**keys, **of_campaign, "deleted": row.deleted_at is not None, **of_run})
     return shown
@@ -159,3 +162,41 @@ def _described(
         unit=unit_of(alarm.parameter),
         history=history,
     )
+
+
+def flat_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A series as one row for each value, in the order of time, as dashboards read it: no member is
+    nested but the covariates, which are members of their own names.
+
+    Args:
+        document: of `series_document`.
+    """
+    campaigns = {each["campaign_id"]: each for each in document["campaigns"]}
+    rows = []
+    for parameter in document["parameters"]:
+        base = parameter["baseline"]
+        for point in parameter["points"]:
+            campaign, judged = campaigns[point["campaign_id"]], point["judged"] or {}
+            half = Z_95 * point["standard_deviation"]
+            rows.append(
+                {
+                    "time": point["performed_at"],
+                    "parameter": parameter["name"],
+                    "unit": parameter["unit"],
+                    "campaign_id": point["campaign_id"],
+                    "campaign": campaign["name"],
+                    "value": point["raw"],
+                    "standard_deviation": point["standard_deviation"],
+                    "low": point["raw"] - half,
+                    "high": point["raw"] + half,
+                    "corrected": point["corrected"],
+                    "baseline": None if base is None else base["mean"],
+                    "in_baseline": point["in_baseline"],
+                    "score": judged.get("score"),
+                    "outside": judged.get("outside"),
+                    "state": parameter["state"],
+                    **{name: campaign[name] for name in CLIMATE},
+                    **campaign["covariates"],
+                }
+            )
+    return sorted(rows, key=lambda row: (row["time"], row["parameter"]))

@@ -2,7 +2,7 @@
 
 A run takes from an update's result watched values with the part of their uncertainty that differs
 from one campaign to the next, and the laboratory's inputs, which all campaigns share, held at what
-was stated.
+was stated. A run of a monitor of modes takes the modes of a mode set.
 """
 
 from __future__ import annotations
@@ -62,6 +62,17 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
         "modes": modes,
         "kinds": [row.get("kind") for row in document["modes"]],
     }
+
+
+def values_of_modes(session: Session, mode_set: UUID) -> dict[str, Any]:
+    """The same of a mode set: no parameters, (f, sd, ζ, sd) of each of its modes, and its key, by
+    which a judgement reads the shapes.
+    """
+    modes = [
+        [mode.frequency_hz, mode.frequency_sd_hz, mode.damping_ratio, mode.damping_sd]
+        for mode in modes_of(session, [mode_set])[mode_set]
+    ]
+    return {"parameters": {}, "modes": modes, "mode_set": str(mode_set)}
 
 
 def _scale(session: Session, key: UUID) -> float | None:
@@ -148,6 +159,21 @@ def collect(session: Session, series: MonitorSeries) -> None:
             run.state, run.software = "succeeded", document["provenance"]["software"]["modalbase"]
             run.values = watched_values(session, document) | {"frf_scale": _scale(session, job.id)}
     session.flush()
+
+
+def ended_jobs(session: Session, series: MonitorSeries) -> Sequence[tuple[MonitorRun, Job]]:
+    """Runs of modes that are under way, each with its job, which has ended."""
+    rows = session.execute(
+        select(MonitorRun, Job)
+        .join(Job, Job.id == MonitorRun.job_id)
+        .where(
+            MonitorRun.series_id == series.id,
+            MonitorRun.state == "running",
+            Job.state.in_(("succeeded", "failed", "cancelled")),
+        )
+        .execution_options(populate_existing=True)
+    )
+    return [(run, job) for run, job in rows]
 
 
 def counted(

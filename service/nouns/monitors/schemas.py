@@ -1,20 +1,24 @@
-"""What a client sends and gets about monitors, their runs and series, and alarms. A series is shown
-as it was judged, not filtered; its models describe it in the OpenAPI document.
-"""
+"""What a client sends and gets about monitors, their runs, and alarms."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID
 
 from croniter import croniter
-from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from fecore.errors import InputError
 from fecore.quantities import is_of_stiffness, kind_of, quantity_of
 from fecore.trend import Chart, Watch
-from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.climate import covariate
 from service.nouns.campaigns.schemas import Boundary
 from service.nouns.notifications.channels import OF_MONITORS
 from service.nouns.updates.schemas import RecipeIn
@@ -33,13 +37,12 @@ from service.platform.web import (
 
 Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
-if TYPE_CHECKING:
-    Covariate = str
-else:
-    Covariate = Literal[tuple(CLIMATE)]
+Covariate = Annotated[str, AfterValidator(covariate)]
 
 COEFFICIENT = re.compile(r"[a-z]\w{0,40}")
 OF_A_MODE = re.compile(r"(frequency|damping_ratio)_([1-9]\d?)")
+OF_MODES = ("frequency", "damping_ratio")
+"""Values of each mode, by which all of them are watched at once."""
 
 
 class WatchedIn(RequestModel):
@@ -49,7 +52,8 @@ class WatchedIn(RequestModel):
         pattern=r"^\w{1,60}(\.\w{1,60})?$",
         description=(
             "`Ex Ey Gxy …`, of a body in space `web.E1 …`, `a0 a1 …`, or `frequency_2`,"
-            " `damping_ratio_2` of the campaigns' second mode"
+            " `damping_ratio_2` of the campaigns' second mode; of a monitor of modes `frequency`,"
+            " `damping_ratio` of all modes or of one"
         ),
     )
     direction: Direction | None = Field(
@@ -64,7 +68,7 @@ class WatchedIn(RequestModel):
         """The direction, stated or not."""
         if self.direction is not None:
             return self.direction
-        if is_of_stiffness(self.name) or self.name.startswith("frequency_"):
+        if is_of_stiffness(self.name) or self.name.startswith("frequency"):
             return "fall"
         return "rise" if quantity_of(self.name) is None else "both"
 
@@ -98,6 +102,7 @@ class ChartIn(RequestModel):
 
 
 MOST_WATCHED = 20
+MOST_REGRESSED = 10  # covariates of a monitor
 USUAL_KINDS, USUAL_COEFFICIENTS = ("Ex", "Gxy", "E1", "G12", "E"), ("a0", "a1")
 """What is watched where nothing is said: the constants of these kinds that the recipe updates, and
 these coefficients.
@@ -145,12 +150,20 @@ class MonitorIn(RequestModel):
     )
 
     name: Name
+    watch: Literal["update", "modes"] = Field(
+        "update",
+        description=(
+            "`update`: every campaign is updated by the recipe; `modes`: natural frequencies and"
+            " damping ratios are followed, which needs no model and no recipe"
+        ),
+    )
     recipe: RecipeIn = Field(default_factory=lambda: RecipeIn.model_validate({}))
     modes: Literal["identify", "given"] = Field(
         "identify",
         description=(
-            "`identify`: every run identifies the modes from the FRFs; `given`: it takes the"
-            " campaign's newest mode set that was typed in or came with a file, and waits for one"
+            "`identify`: every run identifies the modes from the FRFs (of a monitor of modes, a"
+            " campaign without FRFs gives its mode set); `given`: it takes the campaign's newest"
+            " mode set that was typed in or came with a file, and waits for one"
         ),
     )
     priors: Literal["baseline", "last"] = Field(
@@ -170,11 +183,15 @@ class MonitorIn(RequestModel):
         max_length=MOST_WATCHED,
         description=(
             "default: of what the recipe updates Ex and Gxy, or E1 and G12 of each set (E of"
-            " beams); a0 and a1"
+            " beams); a0 and a1; of a monitor of modes frequency and damping_ratio"
         ),
     )
     baseline: BaselineIn = Field(default_factory=lambda: BaselineIn(campaigns=12, since=None))
-    covariates: list[Covariate] = Field(default_factory=list, max_length=len(CLIMATE))
+    covariates: list[Covariate] = Field(
+        default_factory=list,
+        max_length=MOST_REGRESSED,
+        description="`temperature_c`, `humidity_percent`, or others that campaigns state",
+    )
     false_alarm_rate: float = Field(
         0.01, gt=0, lt=0.5, description="false alarms a campaign, of all parameters together"
     )
@@ -210,7 +227,7 @@ class MonitorIn(RequestModel):
         names = [p.name for p in parameters or ()]
         for name in names:
             of_damping = any(kind.fullmatch(name) for kind in (OF_A_MODE, COEFFICIENT))
-            if not of_damping and quantity_of(name) is None:
+            if name not in OF_MODES and not of_damping and quantity_of(name) is None:
                 raise wrong(f"{name} is no parameter that a result has")
             if names.count(name) > 1:
                 raise wrong(f"{name} is there twice")
@@ -228,14 +245,32 @@ class MonitorIn(RequestModel):
             raise wrong("a covariate is there twice")
         if self.baseline.campaigns < 4 + len(self.covariates):
             raise wrong("baseline has too few campaigns: at least 4 and one a covariate")
+        self._of_its_kind()
+        usual = OF_MODES if self.watch == "modes" else USUAL_COEFFICIENTS
         try:
             self.to_watch(
-                self.parameters
-                or [WatchedIn(name=name, direction=None) for name in USUAL_COEFFICIENTS]
+                self.parameters or [WatchedIn(name=name, direction=None) for name in usual]
             )
         except InputError as error:
             raise wrong(str(error)) from None
         return self
+
+    def _of_its_kind(self) -> None:
+        """Refuse what belongs to the other kind of monitor."""
+        names = [each.name for each in self.parameters or ()]
+        if self.watch == "update":
+            if both := [name for name in names if name in OF_MODES]:
+                raise wrong(f"{both[0]} of all modes is what `watch: modes` follows")
+            return
+        if self.recipe != RecipeIn.model_validate({}):
+            raise wrong("recipe is of an update, and this monitor follows modes: leave it out")
+        if self.priors != "baseline":
+            raise wrong("priors are of an update, and this monitor follows modes: leave them out")
+        for name in names:
+            if name not in OF_MODES and not OF_A_MODE.fullmatch(name):
+                raise wrong(f"{name} is of an update, and this monitor follows modes")
+            if (kind := name.rpartition("_")[0]) in names:
+                raise wrong(f"{name} is among {kind}, which is of all modes")
 
     def watched(self, updated: Sequence[str]) -> list[WatchedIn]:
         """What is watched, of parameters that the recipe updates where nothing is stated.
@@ -245,6 +280,8 @@ class MonitorIn(RequestModel):
         """
         if self.parameters is not None:
             return self.parameters
+        if self.watch == "modes":
+            return [WatchedIn(name=name, direction=None) for name in OF_MODES]
         names = [*(name for name in updated if kind_of(name) in USUAL_KINDS), *USUAL_COEFFICIENTS]
         if len(names) > MOST_WATCHED:
             raise Invalid(
@@ -309,7 +346,8 @@ class MonitorOut(StrictModel):
     acts_for: str = Field(description="user whose rights its runs have: who made it")
     name: str
     active: bool
-    recipe: dict[str, Any]
+    watch: str = Field(description="`update` or `modes`")
+    recipe: dict[str, Any] = Field(description="of the updates; empty of a monitor of modes")
     modes: str
     priors: str
     boundary: str | None
@@ -360,6 +398,9 @@ class RunOut(StrictModel):
     state: Literal["running", "succeeded", "failed", "refused"]
     message: str | None
     update_job_id: UUID | None
+    job_id: UUID | None = Field(
+        None, description="of a monitor of modes, the processing or identification that it took"
+    )
     software: str | None
     created_at: datetime
     finished_at: datetime | None
@@ -371,6 +412,9 @@ class AcknowledgementIn(RequestModel):
     model_config = example(note="joint 3 retightened")
 
     note: Annotated[str, Field(min_length=1, max_length=2000)]
+    together: bool = Field(
+        False, description="with all alarms of this monitor that the same campaign raised"
+    )
 
 
 class AlarmEventOut(StrictModel):
@@ -405,91 +449,15 @@ class AlarmOut(StrictModel):
     history: list[AlarmEventOut]
 
 
+class AcknowledgedOut(AlarmOut):
+    """An alarm that was acknowledged."""
+
+    together: list[UUID] = Field(description="other alarms that this acknowledged too")
+
+
 class CompletionOut(StrictModel):
     """Everything of this campaign is in."""
 
     campaign_id: UUID
     completed_at: datetime
     runs: list[RunOut] = Field(description="what its structure's monitors started")
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="allow")
-
-
-class PointOut(_Part):
-    """A campaign's value of a parameter."""
-
-    campaign_id: UUID
-    performed_at: datetime
-    raw: float = Field(description="the estimate, in the parameter's unit")
-    standard_deviation: float = Field(description="of the estimate, in the parameter's unit")
-    corrected: float | None = Field(
-        description="for covariates, in the parameter's unit; null before there is a baseline"
-    )
-    in_baseline: bool = Field(description="whether the campaign is one of the baseline's")
-    judged: dict[str, Any] | None = Field(
-        description=(
-            "residual and limit in its unit, score and chart in standard deviations; null in the"
-            " baseline"
-        )
-    )
-
-
-class SeriesParameterOut(_Part):
-    """A watched parameter of a series."""
-
-    name: str = Field(description="Ex Ey Gxy … a0 a1 …, or `frequency_2`, `damping_ratio_2`")
-    unit: str | None = Field(description="SI unit of its values")
-    direction: str = Field(description="where it must not go: fall, rise or both")
-    state: str = Field(description="no data, normal, pending, alarm or acknowledged")
-    baseline: dict[str, Any] | None = Field(
-        description="mean, its sd, scatter, slopes; null until it is full"
-    )
-    curve: dict[str, Any] | None = Field(
-        None,
-        description=(
-            "over temperature, with 95 % intervals, and `per_K`, the relative change per kelvin;"
-            " null where temperature_c is no covariate"
-        ),
-    )
-    limits: dict[str, float | None] | None = Field(
-        description="of chart and single score, standard deviations"
-    )
-    autocorrelation: dict[str, Any] | None = Field(
-        None,
-        description=(
-            "`lag_1` of the baseline with `interval_95`, and the factor `limits_widened_by` for it;"
-            " null without one"
-        ),
-    )
-    points: list[PointOut] = Field(description="in the order of time")
-    change_point: dict[str, Any] | None = Field(
-        description="when and how much it changed; null without a change"
-    )
-    rate: dict[str, Any] | None = Field(
-        description="of change, per year, `since` its onset where it is a ramp; null where unknown"
-    )
-    timeline: list[dict[str, Any]] = Field(description="states as they came")
-    notes: list[str] = Field(description="what is worth saying, in words")
-
-
-class SeriesOut(_Part):
-    """A series: values with their uncertainty, baseline, limits, alarms and campaigns as marks."""
-
-    monitor_id: UUID
-    monitor_name: str
-    structure_id: UUID
-    structure_name: str
-    series: int
-    software: str | None
-    reason: str | None
-    current: bool = Field(description="whether it is the one that is judged")
-    versions: list[dict[str, Any]] = Field(description="all series of the monitor")
-    state: str = Field(description="the worst of its parameters")
-    assessed_at: datetime | None = Field(description="when it was last judged, UTC")
-    judgement: dict[str, Any] | None = Field(description="how the last judgement went")
-    notes: list[str]
-    campaigns: list[dict[str, Any]] = Field(description="each with its run")
-    parameters: list[SeriesParameterOut] = Field(description="the watched ones")
-    alarms: list[dict[str, Any]] = Field(description="marks on the series")

@@ -45,6 +45,7 @@ class Monitor(Identified, Base):
         CheckConstraint(
             "state IN ('no data', 'normal', 'pending', 'alarm', 'acknowledged')", "state"
         ),
+        CheckConstraint("watches IN ('update', 'modes')", "watches"),
     )
 
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
@@ -53,6 +54,7 @@ class Monitor(Identified, Base):
     )
     user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id"))
     name: Mapped[str]
+    watches: Mapped[str] = mapped_column(server_default="update")  # or `modes`
     boundary: Mapped[str | None]
     recipe: Mapped[dict[str, Any]]
     modes: Mapped[str]
@@ -111,6 +113,11 @@ class MonitorRun(Identified, Base):
         Index(
             "ix_monitor_runs_running", "update_job_id", postgresql_where=text("state = 'running'")
         ),
+        Index(
+            "ix_monitor_runs_of_modes_running",
+            "job_id",
+            postgresql_where=text("state = 'running'"),
+        ),
     )
 
     series_id: Mapped[UUID] = mapped_column(ForeignKey("monitor_series.id", ondelete="CASCADE"))
@@ -122,6 +129,8 @@ class MonitorRun(Identified, Base):
     update_job_id: Mapped[UUID | None] = mapped_column(
         ForeignKey("update_jobs.id", deferrable=True)
     )
+    # of a monitor of modes: the processing, or the identification that made its values
+    job_id: Mapped[UUID | None] = mapped_column(ForeignKey("jobs.id", ondelete="SET NULL"))
     software: Mapped[str | None]
     values: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     finished_at: Mapped[datetime | None]

@@ -46,7 +46,7 @@ def watching(session: Session, changed: Sequence[UUID] | None = None) -> Sequenc
     of_run = (
         select(MonitorSeries.monitor_id)
         .join(MonitorRun)
-        .join(Job, Job.id == MonitorRun.update_job_id)
+        .join(Job, or_(Job.id == MonitorRun.update_job_id, Job.id == MonitorRun.job_id))
     )
     of_judgement = (
         select(MonitorSeries.monitor_id)

@@ -5,15 +5,15 @@ their half spectra.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import IO, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import ForeignKey, Index, LargeBinary, delete, func, select
-from sqlalchemy.dialects.postgresql import JSONB, insert
+from sqlalchemy import ForeignKey, Index, LargeBinary, delete, func, literal, select
+from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by, insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.frf import Dof
@@ -87,6 +87,32 @@ def store_recording(session: Session, **stated: Any) -> None:
 def recordings_of(session: Session, campaign_id: UUID) -> Sequence[Recording]:
     """A campaign's recordings, oldest first."""
     return recording_for.all(session, campaign_id=[campaign_id])
+
+
+@dataclass(frozen=True)
+class RecordingsHeld:
+    """The recordings of a campaign."""
+
+    digest: str  # of their files
+    newest: datetime  # when the last one was stored
+    processed: bool  # whether each has half spectra
+
+
+def recordings_held(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, RecordingsHeld]:
+    """What campaigns hold of recordings; those without any are left out."""
+    sha = func.encode(Recording.file_sha256, "hex")
+    query = (
+        select(
+            Recording.campaign_id,
+            func.md5(func.string_agg(sha, aggregate_order_by(literal(","), sha))),
+            func.max(Recording.created_at),
+            func.count(StoredSpectra.recording_id) == func.count(Recording.id),
+        )
+        .outerjoin(StoredSpectra, StoredSpectra.recording_id == Recording.id)
+        .where(Recording.campaign_id.in_(campaign_ids))
+        .group_by(Recording.campaign_id)
+    )
+    return {key: RecordingsHeld(*held) for key, *held in session.execute(query)}
 
 
 def remove_recordings(session: Session, import_id: UUID) -> int:

@@ -9,6 +9,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
@@ -238,6 +239,15 @@ def remove_records(session: Session, import_id: UUID) -> int:
         .returning(func.octet_length(Record.data))
     )
     return sum(session.scalars(gone))
+
+
+def newest_records(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, datetime]:
+    """When the newest time block of each campaign was stored; campaigns without any are left
+    out.
+    """
+    query = select(Record.campaign_id, func.max(Record.created_at))
+    query = query.where(Record.campaign_id.in_(campaign_ids)).group_by(Record.campaign_id)
+    return dict(session.execute(query).all())
 
 
 def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None) -> Select[Record]:

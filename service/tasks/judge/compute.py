@@ -16,22 +16,24 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.trend import (
     Acknowledgement,
     Assessment,
+    Direction,
+    ModesOfRun,
     Moment,
     ParameterTrend,
     Series,
+    Shape,
     State,
+    TrackedMode,
     Watch,
     assess,
+    mode_series,
     worst,
 )
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.explanations import ChangeExplanation, Effects, change_of, explanations, in_words
+from fecore.trend.mode_series import EXACT
 from fecore.trend.tracking import SAME_MODE
 from service.platform.queue.kinds import Reporter
-
-# relative standard deviation where none is stated: the scatter between campaigns then is all there
-# is
-EXACT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class Observation:
     performed_at: datetime  # when it was measured
     values: Mapping[str, Any]  # of `service.nouns.monitors.runs`
     covariates: Mapping[str, float]  # by name; NaN where not measured
+    shapes: Sequence[Shape] = ()  # of the modes, of a monitor of modes
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,9 @@ class JudgementInputs:
     # standard deviations of a relative change of all stiffness over a season by conditions that are
     # no covariates, by name
     not_given: Mapping[str, float] = field(default_factory=dict)
+    # whether tracks of modes are watched: then `watch` has directions by `frequency` of all modes
+    # or `frequency_2` of one
+    of_modes: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,13 +103,17 @@ class Judgement:
 def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
     """Judge a series."""
     report("judging", 0.1)
-    series: dict[str, Series] = {}
     notes = list(inputs.notes)
-    for name in inputs.watch.directions:
-        usable, remarks = _series(name, inputs)
+    if inputs.of_modes:
+        series, inputs, remarks = _tracked(inputs)
         notes += remarks
-        if usable is not None:
-            series[name] = usable
+    else:
+        series = {}
+        for name in inputs.watch.directions:
+            usable, remarks = _series(name, inputs)
+            notes += remarks
+            if usable is not None:
+                series[name] = usable
     assessment = _assessment(series, inputs) if series else Assessment({})
     notes += assessment.notes
     trends = assessment.parameters
@@ -117,6 +127,50 @@ def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
     }
     yield Judgement(
         document, tuple(e for trend in trends.values() for e in _episodes(trend, inputs)), state
+    )
+
+
+def _tracked(
+    inputs: JudgementInputs,
+) -> tuple[dict[str, Series], JudgementInputs, list[str]]:
+    """Series of the modes that are watched, the inputs with each of them in its direction, and what
+    is worth saying.
+    """
+    followed = mode_series([_modes_of(each) for each in inputs.observations], inputs.watch.baseline)
+    stated = inputs.watch.directions
+    directions: dict[str, Direction] = {}
+    for name in followed.series:
+        direction = stated.get(name) or stated.get(name.rpartition("_")[0])
+        if direction is not None:
+            directions[name] = direction
+    notes = [
+        f"{name} is watched, and no such mode came again in the baseline"
+        for name in stated
+        if "_" in name.removeprefix("damping_ratio") and name not in followed.series
+    ]
+    notes += [
+        f"a mode at {hz:.4g} Hz that the baseline had not comes again since campaign {campaign}"
+        for hz, campaign in followed.newcomers
+    ]
+    notes += followed.notes
+    if not directions:
+        return {}, inputs, [*notes, "no mode has come again yet"]
+    series = {name: followed.series[name] for name in directions}
+    return series, replace(inputs, watch=replace(inputs.watch, directions=directions)), notes
+
+
+def _modes_of(observation: Observation) -> ModesOfRun:
+    rows = observation.values["modes"]
+    known = len(observation.shapes) == len(rows)  # unless the mode set is gone
+    shapes = observation.shapes if known else ({},) * len(rows)
+    return ModesOfRun(
+        observation.campaign,
+        observation.performed_at,
+        [
+            TrackedMode(hz, shape, sd, damping_ratio=damping, damping_sd=damping_sd)
+            for (hz, sd, damping, damping_sd), shape in zip(rows, shapes, strict=True)
+        ],
+        observation.covariates,
     )
 
 

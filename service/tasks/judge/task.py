@@ -20,6 +20,7 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, Watch
 from fecore.trend import Chart as CoreChart
 from service.nouns.campaigns.climate import CLIMATE, stated, stiffness_sds
+from service.nouns.modes.operations import modes_of, shape_of
 from service.nouns.monitors.alarms import acknowledged, set_state, update_alarms
 from service.nouns.monitors.candidates import Candidate, candidates_of
 from service.nouns.monitors.judgements import judged, last_judgement, note_judgement
@@ -84,6 +85,7 @@ def _digest(
                 str(run.id),
                 one.campaign.performed_at and one.campaign.performed_at.isoformat(),
                 *(getattr(one.campaign, name) for name in CLIMATE),
+                *([one.campaign.covariates] if one.campaign.covariates else []),
             ]
             for one, run in pairs
         ],
@@ -116,12 +118,13 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
     pairs.sort(key=lambda pair: arrival[pair[0].campaign.id])
     watch = watch_of(monitor)
     return JudgementInputs(
-        observations=tuple(_observation(one, run) for one, run in pairs),
+        observations=tuple(_observations(session, pairs)),
         watch=watch,
         as_of=now,
         acknowledged=tuple(_acknowledgement(alarm) for alarm in acknowledged(session, monitor)),
         notes=tuple(_notes(series, pairs)),
         mode_effects=_mode_effects_of(session, described[-1][1]) if described else None,
+        of_modes=monitor.watches == "modes",
         not_given=stiffness_sds(watch.covariates),
     )
 
@@ -149,15 +152,28 @@ def _mode_effects_of(session: Session, run: MonitorRun) -> ModeEffects | None:
     )
 
 
-def _observation(one: Candidate, run: MonitorRun) -> Observation:
-    campaign = one.campaign
-    assert campaign.performed_at is not None
-    return Observation(
-        campaign=str(campaign.id),
-        performed_at=campaign.performed_at,
-        values=run.values or {},
-        covariates=stated(campaign),
-    )
+def _observations(
+    session: Session, pairs: list[tuple[Candidate, MonitorRun]]
+) -> Iterator[Observation]:
+    """What each run saw; of a monitor of modes with their shapes, which its values leave where they
+    are.
+    """
+    values_of = {run.id: run.values or {} for _, run in pairs}
+    sets = [UUID(each["mode_set"]) for each in values_of.values() if "mode_set" in each]
+    shapes = {
+        key: tuple(shape_of(mode) for mode in modes)
+        for key, modes in (modes_of(session, sets).items() if sets else ())
+    }
+    for one, run in pairs:
+        campaign, values = one.campaign, values_of[run.id]
+        assert campaign.performed_at is not None
+        yield Observation(
+            campaign=str(campaign.id),
+            performed_at=campaign.performed_at,
+            values=values,
+            covariates=stated(campaign),
+            shapes=shapes.get(UUID(values["mode_set"]), ()) if "mode_set" in values else (),
+        )
 
 
 def _acknowledgement(alarm: Alarm) -> Acknowledgement:
