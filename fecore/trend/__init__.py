@@ -3,8 +3,8 @@ rate.
 
 `assess` is the entry point of monitors: series of dated estimates and a `Watch` in, an `Assessment`
 out. The rooms in the order in which data flows: series, charts, autocorrelation, baseline, states,
-change, common_factor, assessment, explanations, document. `tracking` says which modes of several
-runs are the same, and `mode_series` makes series of them.
+change, common_factor, assessment, explanations, patterns, document. `tracking` says which modes of
+several runs are the same, and `mode_series` makes series of them.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess

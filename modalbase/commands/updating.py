@@ -143,8 +143,14 @@ def monitors(
         str | None, typer.Option(help="Watch the structure: make a monitor of this name")
     ] = None,
     parameters: Annotated[
-        str, typer.Option(help="With --new: what is watched, separated by commas")
-    ] = "Ex",
+        str | None,
+        typer.Option(
+            help="With --new: what is watched, separated by commas; default: Ex, or modes"
+        ),
+    ] = None,
+    modes: Annotated[
+        bool, typer.Option("--modes", help="With --new: follow modes, which need no model")
+    ] = False,
     run: Annotated[
         str | None,
         typer.Option(
@@ -166,9 +172,12 @@ def monitors(
                 )
             return
         if new is not None:
-            watched = [{"name": name.strip()} for name in parameters.split(",")]
+            stated = parameters or (None if modes else "Ex")
+            watched = stated and [{"name": name.strip()} for name in stated.split(",")]
             of = lab.named(objects.Structure, structure or "latest")
-            made = of.new_monitor(new, parameters=watched)
+            made = of.new_monitor(
+                new, watch="modes" if modes else "update", parameters=watched or None
+            )
             show([made.fields], ("id", "name", "state"), as_json)
             say_next(f'monitors --run "{new}"')
             return

@@ -221,9 +221,17 @@ class Monitor(Attached, Editable):
         """Values with their uncertainty, baseline, limits, alarms and campaigns."""
         return self._get("series", series=number)
 
-    def figure(self, parameter: str | None = None) -> Figure:
-        """The control chart of a parameter; by default of the first one that is watched."""
-        return Figure(self.lab, self._at("series/figure"), {"parameter": parameter})
+    def rows(self, *parameters: str) -> Table:
+        """The series as flat rows, a value each, of some parameters or of all."""
+        stated = {"parameter": list(parameters)} if parameters else {}
+        rows: Any = self._get("series/rows", **stated)
+        return Table(rows)
+
+    def figure(self, parameter: str | None = None, over: str | None = None) -> Figure:
+        """The control chart of a parameter, by default of the first one that is watched; with
+        `over` the parameter over a covariate, before and after it was taken out.
+        """
+        return Figure(self.lab, self._at("series/figure"), {"parameter": parameter, "over": over})
 
     def alarms(self) -> list[Alarm]:
         """Its alarms, newest first."""
@@ -236,7 +244,13 @@ class Alarm(Thing):
 
     noun = Kind("alarm", "alarms/{}", "alarms")
 
-    def acknowledge(self, note: str) -> Alarm:
-        """Say that one has seen it, and what is done about it."""
-        self.fields = self.lab.rest.acknowledge_alarm(self.fields["id"], body={"note": note})
+    def acknowledge(self, note: str, *, together: bool = False) -> Alarm:
+        """Say that one has seen it, and what is done about it.
+
+        Args:
+            note: for others.
+            together: with all alarms of this monitor that the same campaign raised.
+        """
+        body = {"note": note, **({"together": True} if together else {})}
+        self.fields = self.lab.rest.acknowledge_alarm(self.fields["id"], body=body)
         return self

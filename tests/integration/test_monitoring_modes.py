@@ -110,6 +110,17 @@ def test_a_change_of_one_percent_is_told_of_and_seasons_are_not(client: httpx.Cl
     first = min(series["alarms"], key=lambda each: str(each["performed_at"]))
     at = next(each for each in series["campaigns"] if each["campaign_id"] == first["campaign_id"])
     assert BASELINE + CHANGE <= int(at["name"].split()[1]) <= BASELINE + CHANGE + 3
+    (alarm, *_) = ok(client.get("alarms", params={"monitor": monitor}))["items"]
+    assert alarm["details"]["explanations"]["ranked"][0]["kind"] == "one"
+    assert f"one mode alone: {raised} -1." in alarm["details"]["explanations"]["text"]
+    rows = ok(client.get(f"monitors/{monitor}/series/rows", params={"parameter": raised}))
+    assert [row["value"] for row in rows] == [
+        point["raw"]
+        for each in series["parameters"]
+        if each["name"] == raised
+        for point in each["points"]
+    ]
+    assert {*COVARIATES, "time", "low", "high", "corrected", "outside"} <= rows[-1].keys()
     shown = ok(client.get(f"monitors/{monitor}"))
     assert (shown["watch"], shown["state"], shown["recipe"]) == ("modes", "alarm", {})
     assert [each["name"] for each in shown["parameters"]] == ["frequency", "damping_ratio"]

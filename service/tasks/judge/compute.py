@@ -32,6 +32,8 @@ from fecore.trend import (
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.explanations import ChangeExplanation, Effects, change_of, explanations, in_words
 from fecore.trend.mode_series import EXACT
+from fecore.trend.patterns import FEWEST_MODES as FEWEST_OF_A_PATTERN
+from fecore.trend.patterns import deviations, patterns, patterns_in_words
 from fecore.trend.tracking import SAME_MODE
 from service.platform.queue.kinds import Reporter
 
@@ -126,7 +128,9 @@ def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
         "parameters": [describe_trend(trend) for trend in trends.values()],
     }
     yield Judgement(
-        document, tuple(e for trend in trends.values() for e in _episodes(trend, inputs)), state
+        document,
+        tuple(e for trend in trends.values() for e in _episodes(trend, inputs, trends)),
+        state,
     )
 
 
@@ -232,22 +236,31 @@ def _value(
     return None if value is None else (value, sd)
 
 
-def _episodes(trend: ParameterTrend, inputs: JudgementInputs) -> Iterator[Episode]:
+def _episodes(
+    trend: ParameterTrend, inputs: JudgementInputs, trends: Mapping[str, ParameterTrend]
+) -> Iterator[Episode]:
     """Stretches of the timeline from an alarm to the next normal state."""
     raised: str | None = None
     last = State.NO_DATA
     for moment in trend.timeline:
         if moment.state is State.NORMAL and raised is not None:
-            yield _episode(trend, raised, "cleared", inputs)
+            yield _episode(trend, raised, "cleared", inputs, trends)
             raised = None
         if moment.state is State.ALARM and raised is None:
             raised = moment.label
         last = moment.state
     if raised is not None:
-        yield _episode(trend, raised, "alarm" if last is State.ALARM else "acknowledged", inputs)
+        state = "alarm" if last is State.ALARM else "acknowledged"
+        yield _episode(trend, raised, state, inputs, trends)
 
 
-def _episode(trend: ParameterTrend, campaign: str, state: str, inputs: JudgementInputs) -> Episode:
+def _episode(
+    trend: ParameterTrend,
+    campaign: str,
+    state: str,
+    inputs: JudgementInputs,
+    trends: Mapping[str, ParameterTrend],
+) -> Episode:
     assert trend.watched is not None
     assert trend.baseline is not None
     i = list(trend.watched.labels).index(campaign)
@@ -261,22 +274,28 @@ def _episode(trend: ParameterTrend, campaign: str, state: str, inputs: Judgement
         **describe_judged(trend, i),
         "change_point": None if trend.change is None else describe_change(trend.change),
         "rate": None if trend.rate is None else describe_rate(trend.rate),
-        "explanations": _explained(trend, i, state, inputs),
+        "explanations": _explained(trend, i, state, inputs, trends),
     }
     return Episode(trend.name, campaign, state, details)
 
 
 def _explained(
-    trend: ParameterTrend, raised: int, state: str, inputs: JudgementInputs
+    trend: ParameterTrend,
+    raised: int,
+    state: str,
+    inputs: JudgementInputs,
+    trends: Mapping[str, ParameterTrend],
 ) -> dict[str, Any] | None:
     """What may have caused an alarm that still stands: of the campaigns since its change, or since
     it was raised.
     """
-    if state == "cleared" or inputs.mode_effects is None:
+    if state == "cleared" or (inputs.mode_effects is None and not inputs.of_modes):
         return None
     assert trend.watched is not None
     assert trend.baseline is not None
     first = raised if trend.change is None else min(raised, trend.change.index)
+    if inputs.mode_effects is None:
+        return _pattern(trends, trend.watched.dates[first])
     return explained(
         inputs.observations,
         inputs.mode_effects,
@@ -285,6 +304,25 @@ def _explained(
         inputs.watch.covariates,
         inputs.not_given,
     )
+
+
+def _pattern(trends: Mapping[str, ParameterTrend], since: datetime) -> dict[str, Any] | None:
+    """What moved since a change, of modes that no model explains; None where too few are there."""
+    of_frequency = [trend for name, trend in trends.items() if name.startswith("frequency_")]
+    later = {
+        label
+        for trend in of_frequency
+        for label, date in zip(trend.series.labels, trend.series.dates, strict=True)
+        if date >= since
+    }
+    moved = deviations(of_frequency, sorted(later))
+    if len(moved[0]) < FEWEST_OF_A_PATTERN:
+        return None
+    ranked = patterns(*moved)
+    return {
+        "ranked": [_described(each, ranked[0].evidence) for each in ranked],
+        "text": patterns_in_words(ranked),
+    }
 
 
 def same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> int | None:
