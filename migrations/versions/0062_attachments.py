@@ -4,7 +4,7 @@ import sqlalchemy as sa
 from alembic import op
 
 revision = "0062_attachments"
-down_revision = "0060_recordings"
+down_revision = "0061_modes"
 branch_labels = None
 depends_on = None
 

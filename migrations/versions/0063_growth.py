@@ -4,7 +4,7 @@ import sqlalchemy as sa
 from alembic import op
 
 revision = "0063_growth"
-down_revision = "0059_updates"
+down_revision = "0062_attachments"
 branch_labels = None
 depends_on = None
 

@@ -18,7 +18,7 @@ from fecore.errors import FecoreError
 from service.nouns.modes.operations import identified_by
 from service.nouns.monitors.candidates import candidates_of
 from service.nouns.monitors.runs import ended_jobs, values_of_modes
-from service.nouns.records.schemas import ProcessingIn
+from service.nouns.records.schemas import CampaignProcessingIn
 from service.platform.access import User
 from service.platform.errors import ServiceError
 from service.tasks.identify.task import IdentificationIn, start_identification
@@ -77,7 +77,7 @@ def _queue(session: Session, monitor: Monitor, run: MonitorRun, *, process: bool
     try:
         with session.begin_nested():
             if process:
-                body = ProcessingIn.model_validate({})
+                body = CampaignProcessingIn.model_validate({})
                 run.job_id = start_processing(session, user, run.campaign_id, body).id
             else:
                 request = IdentificationIn.model_validate({})
