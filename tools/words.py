@@ -93,6 +93,7 @@ CONTRACTS: dict[str, str] = {
     "fecore/updating/sampling.py:moves": "emcee: a parameter",
     "fecore/modal/identify.py:found": "the library: Identification.found",
     "fecore/modal/output_only.py:found": "the library: Identification.found",
+    "fecore/modal/measured_loads.py:found": "the library: Identification.found",
     "fecore/modal/result.py:found": "the library: Identification.found",
     "service/compute/identifying.py:found": "the library: Identification.found",
     "service/nouns/search/routes.py:Found": "REST: a schema",

@@ -54,4 +54,8 @@ def identify_measured_loads(
     covariance = scatter_of_blocks(identification, recordings)
     # 3. Window.
     poles = without_window(identification.found.modes, covariance, rates[0])
-    return replace(identification, found=replace(identification.found, modes=poles))
+    return replace(
+        identification,
+        found=replace(identification.found, modes=poles),
+        window_taken_out_per_s=rates[0],
+    )

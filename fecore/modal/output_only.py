@@ -244,7 +244,7 @@ def _factors(setup: BlockSpectra, frequency_hz: FloatArray) -> FloatArray:
 
 
 def without_window(
-    modes: MeasuredModes, covariance: FloatArray, rate_per_s: float
+    modes: MeasuredModes, covariance: FloatArray | None, rate_per_s: float
 ) -> MeasuredModes:
     """The same poles without a window's rate, σ = ζω - β, which leaves the damped frequency as it
     is.
@@ -266,7 +266,7 @@ def without_window(
         modes,
         frequency_hz=size / (2 * np.pi),
         damping_ratio=np.maximum(sigma / size, 0.0),
-        covariance=turn @ covariance @ turn.T,
+        covariance=None if covariance is None else turn @ covariance @ turn.T,
     )
 
 

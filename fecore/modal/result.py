@@ -162,6 +162,8 @@ class Identification:
     # steady sines in the responses, ascending, where nobody measured the loads: shapes are unscaled
     # then. None where they were measured.
     harmonics_hz: tuple[float, ...] | None = None
+    # rate of the FRFs' exponential window that was taken out of the poles found, 1/s
+    window_taken_out_per_s: float = 0.0
 
     def chosen(self, *, include_doubtful: bool = False) -> IdentifiedPoles:
         """The modes, with the uncertain poles where they are asked for.

@@ -81,7 +81,7 @@ class LoadFrfs(BlockSpectra):
     quantity: Quantity
     coherence: FloatArray  # (N, L) multiple coherence, 0 to 1
     told: BoolArray  # (R, L) where a load can be told from the others, and has power
-    notes: tuple[Finding, ...]
+    notes: tuple[Finding, ...] = ()
 
     @property
     def variance(self) -> FloatArray:
@@ -102,8 +102,8 @@ class LoadFrfs(BlockSpectra):
             tuple(dof for dof in self.responses for _ in self.references),
             self.references * n,
             self.quantity,
-            self.variance.reshape(n * r, -1),
-            np.tile(self.told, (n, 1)),
+            variance=self.variance.reshape(n * r, -1),
+            measured=np.tile(self.told, (n, 1)),
         )
 
 
@@ -226,11 +226,27 @@ def _period(chunks: Iterable[FloatArray], first: int, length: int) -> float:
     return period
 
 
+def require_length(samples: int, loads: int, sample_rate_hz: float) -> int:
+    """How many segments a recording holds side by side.
+
+    Raises:
+        InputError: it is too short for them.
+    """
+    pieces = _FEWEST_SEGMENTS + _MORE * loads
+    if samples < pieces * _FEWEST_SAMPLES:
+        raise InputError(
+            "recording",
+            f"is {samples / sample_rate_hz:.3g} s long, expected"
+            f" {pieces * _FEWEST_SAMPLES / sample_rate_hz:.3g} s or more",
+        )
+    return pieces
+
+
 def _size(
     length: int, loads: int, sample_rate_hz: float, lag_s: float | None, period: float
 ) -> int:
     """Samples of a segment: whole periods of periodic loads, else two of the longest lags."""
-    pieces = _FEWEST_SEGMENTS + _MORE * loads
+    pieces = require_length(length, loads, sample_rate_hz)
     if period:
         times = max(1, int(min(length / pieces, 2 * MOST_LAGS) / period))
         if round(times * period) * 3 > length:
@@ -242,12 +258,6 @@ def _size(
         return round(times * period)
     most = min(length // pieces, 2 * MOST_LAGS)
     size = most if lag_s is None else round(2 * lag_s * sample_rate_hz)
-    if most < _FEWEST_SAMPLES:
-        raise InputError(
-            "recording",
-            f"is {length / sample_rate_hz:.3g} s long, expected"
-            f" {pieces * _FEWEST_SAMPLES / sample_rate_hz:.3g} s or more",
-        )
     if not _FEWEST_SAMPLES <= size <= length // pieces:
         raise InputError(
             "lag_s",

@@ -18,7 +18,7 @@ from typing import Any, Literal, get_args
 
 from modalbase.formats.errors import FormatError
 
-Kind = Literal["hits", "frfs", "responses"]
+Kind = Literal["hits", "frfs", "responses", "loads"]
 Member = Literal["kind", "quantity", "mapping"]
 """What may be stated beside a file: what it holds, what its FRFs are, which of its variables is
 what.
@@ -171,10 +171,12 @@ _ARRAYS: Mapping[Kind, tuple[Member, ...]] = {
     "frfs": ("kind", "quantity", "mapping"),
     "hits": ("kind", "mapping"),
     "responses": ("kind", "mapping"),
+    "loads": ("kind", "mapping"),
 }
 _HITS: Mapping[Kind, tuple[Member, ...]] = {
     "hits": ("kind", "mapping"),
     "responses": ("kind", "mapping"),
+    "loads": ("kind", "mapping"),
 }
 _CHANNELS: Mapping[Member, str] = {"quantity": _BY_CHANNEL}
 
@@ -182,9 +184,14 @@ _ROWS = (
     Format(
         "uff",
         "UFF",
-        {"frfs": ("quantity",), "hits": ("mapping",), "responses": ("kind", "mapping")},
         {
-            "kind": "a UFF says of each dataset what it is, but for responses without a force",
+            "frfs": ("quantity",),
+            "hits": ("mapping",),
+            "responses": ("kind", "mapping"),
+            "loads": ("kind", "mapping"),
+        },
+        {
+            "kind": "a UFF says of each dataset what it is, but for recordings that go on",
             "mapping": "only a recording has one",
         },
         about="Universal File Format, sets 58 and 58b: [UFF files](uff.md)",

@@ -35,6 +35,7 @@ def describe_identification(identification: Identification) -> dict[str, Any]:
         "durations_s": identification.seconds,
         "excitation": "measured" if identification.harmonics_hz is None else "unmeasured",
         "harmonics_hz": list(identification.harmonics_hz or ()),
+        "window_taken_out_per_s": identification.window_taken_out_per_s,
     }
 
 
@@ -76,7 +77,7 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
     """
     none = dict.fromkeys(("model_error", "drift", "delay_s", "memory_lines"))
     defaults: dict[str, Any] = {"doubtful": [], "refused_poles": [], "stated": [], **none}
-    defaults |= {"excitation": "measured", "harmonics_hz": []}
+    defaults |= {"excitation": "measured", "harmonics_hz": [], "window_taken_out_per_s": 0.0}
     document = {**defaults, **document}
     unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")

@@ -14,7 +14,7 @@ from fecore.frf import Dof
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import ChannelMapping, Variables, read_mapping
 from modalbase.formats.records.arrays import SAMPLE_RATE
-from modalbase.formats.records.mapping import LARGEST, MOST_POINT
+from modalbase.formats.records.mapping import LARGEST, MOST_POINT, Recorded
 from modalbase.formats.records.recording import AnyRecording, Arrays
 from modalbase.formats.records.text import TextRecording
 from modalbase.formats.records.variables import read_named
@@ -88,8 +88,7 @@ def mapped_channels(
     document: dict[str, Any],
     form: str,
     limit_bytes: int | None = None,
-    *,
-    forced: bool = True,
+    kind: Recorded = "hits",
 ) -> MappedChannels:
     """The channels of a recording that a mapping names, a force before the others.
 
@@ -98,7 +97,7 @@ def mapped_channels(
         document: the mapping; what `recording` says is not read here.
         form: name of its format.
         limit_bytes: the most that arrays of a file may take.
-        forced: one of the channels is the force; else all are responses.
+        kind: what it is of.
 
     Raises:
         FormatError: the file cannot be read, or the mapping does not fit; names the field.
@@ -108,7 +107,7 @@ def mapped_channels(
     rest = {name: value for name, value in document.items() if name not in left}
     if file.has_rate:
         rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
-    mapping = read_mapping(rest, file.units, forced=forced)
+    mapping = read_mapping(rest, file.units, kind)
     if mapping.hit is not None:
         raise FormatError(
             "mapping.hit", "is of hits one by one, and this is a recording; leave it out"

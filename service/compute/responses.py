@@ -15,8 +15,16 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import within
 from fecore.frf import Dof
-from fecore.signal import HalfSpectra, ResponseRecording, spectra_of_setups
-from fecore.signal.block_spectra import Motion
+from fecore.signal import (
+    Averages,
+    HalfSpectra,
+    LoadFrfs,
+    ResponseRecording,
+    frfs_of_loads,
+    spectra_of_setups,
+)
+from fecore.signal.block_spectra import Chunks, Motion
+from modalbase.formats.records.mapping import Recorded
 from service.compute.recordings import MappedChannels, dof_of, limit_of, mapped_channels
 from service.platform.errors import verified
 
@@ -35,6 +43,7 @@ class RecordingFile:
     format: str
     mapping: dict[str, Any]
     samples: int  # of each channel
+    loads: bool  # some channels are measured loads
 
 
 @dataclass(frozen=True)
@@ -48,7 +57,7 @@ class ResponseInputs:
 
 @dataclass(frozen=True)
 class EncodedSpectra:
-    """The half spectra of a recording on their way to the database."""
+    """The half spectra of a recording, or its FRFs with their blocks, on their way to the database."""
 
     recording_id: UUID
     document: dict[str, Any]  # about them
@@ -56,28 +65,61 @@ class EncodedSpectra:
     sha256: bytes
 
 
-def spectra_of(inputs: ResponseInputs, report: Report) -> Iterator[HalfSpectra]:
-    """Half spectra of each recording, one at a time.
+def spectra_of(
+    inputs: ResponseInputs, report: Report
+) -> Iterator[tuple[RecordingFile, HalfSpectra | LoadFrfs]]:
+    """Half spectra of each recording of responses alone, then FRFs of each with loads, one at a
+    time.
 
     Raises:
         FormatError: an original is not what was imported.
         InputError: they do not go together, or one is too short for what is stated.
     """
-    setups = [_setup(each) for each in inputs.recordings]
+    undriven = [file for file in inputs.recordings if not file.loads]
+    driven = [file for file in inputs.recordings if file.loads]
     stage = "correlating responses"
     report(stage, 0.0)
-    spectra = spectra_of_setups(setups, inputs.references, inputs.lag_s)
+    setups = [_setup(each) for each in undriven]
+    spectra = spectra_of_setups(setups, inputs.references, inputs.lag_s) if setups else iter(())
     with within("recordings"):
-        for number, each in enumerate(spectra, 1):
-            report(stage, number / len(setups))
-            yield each
+        for number, pair in enumerate(zip(undriven, spectra, strict=True), 1):
+            report(stage, number / len(inputs.recordings))
+            yield pair
+        lag_s = inputs.lag_s
+        for number, file in enumerate(driven, len(undriven) + 1):
+            frfs = _frfs_of(file, lag_s)
+            lag_s = lag_s or (frfs.lag_s if frfs.window_rate_per_s else None)
+            report(stage, number / len(inputs.recordings))
+            yield file, frfs
+
+
+def _frfs_of(file: RecordingFile, lag_s: float | None) -> LoadFrfs:
+    own, chunks = _opened(file, "loads")
+    is_load = np.array([each.quantity == "force" for each in own.mapped])
+    order = np.argsort(is_load, kind="stable")  # loads below responses
+    sensors = [own.mapped[k] for k in order[: int((~is_load).sum())]]
+    with within(file.filename):
+        return frfs_of_loads(
+            lambda: (part[order] for part in chunks()),
+            own.sample_rate_hz,
+            responses=[dof_of(each) for each in sensors],
+            loads=[dof_of(own.mapped[k]) for k in np.flatnonzero(is_load)],
+            quantities=[cast("Motion", each.quantity) for each in sensors],
+            lag_s=lag_s,
+        )
+
+
+def _opened(file: RecordingFile, kind: Recorded) -> tuple[MappedChannels, Chunks]:
+    """Its channels, and what gives their samples."""
+    own = mapped_channels(file.path, file.mapping, file.format, limit_of(file.path), kind)
+    held = 8 * file.samples * len(own.mapped) <= _HELD_BYTES
+    return own, _Held(own).chunks if held else own.chunks
 
 
 def _setup(file: RecordingFile) -> ResponseRecording:
-    own = mapped_channels(file.path, file.mapping, file.format, limit_of(file.path), forced=False)
-    held = 8 * file.samples * len(own.mapped) <= _HELD_BYTES
+    own, chunks = _opened(file, "responses")
     return ResponseRecording(
-        _Held(own).chunks if held else own.chunks,
+        chunks,
         own.sample_rate_hz,
         file.samples,
         tuple(map(dof_of, own.mapped)),
@@ -98,17 +140,15 @@ class _Held:
         return self._parts
 
 
-def encoded(file: RecordingFile, spectra: HalfSpectra) -> EncodedSpectra:
-    """Half spectra as they are stored: in single precision, far below their scatter."""
+def encoded(file: RecordingFile, spectra: HalfSpectra | LoadFrfs) -> EncodedSpectra:
+    """Half spectra or FRFs with their blocks as they are stored: in single precision, far below their scatter."""
     stream = io.BytesIO()
     np.savez(
         stream,
         frequency_hz=spectra.frequency_hz,
         blocks=spectra.blocks.astype(np.complex64),
         weights=spectra.weights,
-        kurtosis=spectra.kurtosis,
-        autos=spectra.autos,
-        crosses=spectra.crosses.astype(np.complex64),
+        **{name: getattr(spectra, name) for name in _OWN[type(spectra)]},
         responses=_pairs(spectra.responses),
         references=_pairs(spectra.references),
         window_rate_per_s=spectra.window_rate_per_s,
@@ -132,14 +172,22 @@ def encoded(file: RecordingFile, spectra: HalfSpectra) -> EncodedSpectra:
     return EncodedSpectra(file.id, document, data, hashlib.sha256(data).digest())
 
 
-def decoded(data: bytes, sha256: bytes) -> HalfSpectra:
-    """Stored half spectra, after their SHA-256 has been verified.
+_OWN: dict[type[Any], tuple[str, ...]] = {
+    HalfSpectra: ("kurtosis", "autos", "crosses"),
+    LoadFrfs: ("coherence", "told"),
+}
+"""What each kind of spectra has besides what all have."""
+
+
+def decoded(data: bytes, sha256: bytes) -> HalfSpectra | LoadFrfs:
+    """Stored half spectra, or FRFs of measured loads, after their SHA-256 has been verified.
 
     Raises:
         Damaged: the bytes are not the ones that were stored.
     """
-    with np.load(io.BytesIO(verified(data, sha256, "half spectra"))) as file:
-        return HalfSpectra(
+    with np.load(io.BytesIO(verified(data, sha256, "spectra"))) as file:
+        kind: type[Any] = LoadFrfs if "told" in file else HalfSpectra
+        spectra: HalfSpectra | LoadFrfs = kind(
             frequency_hz=file["frequency_hz"],
             blocks=file["blocks"].astype(np.complex128),
             weights=file["weights"],
@@ -148,11 +196,26 @@ def decoded(data: bytes, sha256: bytes) -> HalfSpectra:
             window_rate_per_s=float(file["window_rate_per_s"]),
             lag_s=float(file["lag_s"]),
             length_s=float(file["length_s"]),
-            kurtosis=file["kurtosis"],
-            autos=file["autos"],
-            crosses=file["crosses"].astype(np.complex128),
-            quantity=cast("Motion", str(file["quantity"])),
+            quantity=str(file["quantity"]),
+            **{name: file[name] for name in _OWN[kind]},
         )
+        return spectra
+
+
+def averages_of(frfs: LoadFrfs) -> Averages:
+    """FRFs of a recording as those of hits are kept; they rest on no hit, and on as many averages
+    as the recording is longer than a segment.
+    """
+    table, count = frfs.frfs(), len(frfs.responses) * len(frfs.references)
+    segment_s = 2 * frfs.lag_s if frfs.window_rate_per_s else frfs.lag_s
+    return Averages(
+        rate_per_s=frfs.window_rate_per_s,
+        rate_sd_per_s=0.0,
+        frfs=table,
+        coherence=np.repeat(frfs.coherence, len(frfs.references), axis=0),
+        hits=np.full(count, int(frfs.length_s / segment_s)),
+        used=((),) * count,
+    )
 
 
 def _pairs(dofs: tuple[Dof, ...]) -> FloatArray:

@@ -20,7 +20,7 @@ them, in SI whatever the `sensitivity` that made them so, with the `label` and, 
 
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -46,6 +46,14 @@ FEWEST_SAMPLES = 64
 """Of a block."""
 MOST_POINT = 9_999_999_999  # label of a grid point, as in UFF
 LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
+
+
+Recorded = Literal["hits", "responses", "loads"]
+"""What a recording is of: hits of a hammer, responses alone, or responses and the loads that cause
+them.
+"""
+
+MOST_LOADS = 8
 
 
 @dataclass(frozen=True)
@@ -76,7 +84,7 @@ class Mapping:
 
 
 def read_mapping(
-    document: Any, units: dict[str, str] | None = None, *, forced: bool = True
+    document: Any, units: dict[str, str] | None = None, kind: Recorded = "hits"
 ) -> Mapping:
     """The mapping of a JSON document.
 
@@ -84,7 +92,7 @@ def read_mapping(
         document: of JSON.
         units: that the file's properties state, by channel; those in the channels' names are known
             without.
-        forced: one channel is the force; else all are responses to loads that nobody measured.
+        kind: what is recorded: hits have one force, responses none, and loads one or several.
 
     Raises:
         FormatError: names every field that is missing, unknown or of another kind.
@@ -114,32 +122,40 @@ def read_mapping(
         if name in names[:i]
     ]
     forces = [c.quantity for c in channels].count("force")
-    if not faults and not forced:
-        faults += _faults_of_responses(channels)
+    if not faults and kind != "hits":
+        faults += _faults_of_recording(channels, kind)
     elif not faults and (forces == 0 or forces == len(channels) == 1):
         lacks = f"a force; {ONE_FILE}; {NO_FORCE}" if forces == 0 else f"a response; {ONE_FILE}"
         faults.append(("mapping.channels", f"lack {lacks}"))
     elif not faults and forces != 1:
         faults.append(
-            ("mapping.channels", f"have {forces} channels of the quantity force, expected one")
+            (
+                "mapping.channels",
+                f"have {forces} channels of the quantity force, expected one; where all of them act"
+                " throughout, state kind=loads",
+            )
         )
     if faults:
         raise FormatError(faults)
     return Mapping(**{**_taken(document), "channels": tuple(channels)})
 
 
-def _faults_of_responses(channels: list[ChannelMapping]) -> list[tuple[str, str]]:
-    """What does not fit in a recording of responses alone."""
-    faults, seen = list[tuple[str, str]](), dict[tuple[Values, Values], str]()
-    if not channels:
-        faults.append(("mapping.channels", "is empty, expected the responses"))
+def _faults_of_recording(channels: list[ChannelMapping], kind: Recorded) -> list[tuple[str, str]]:
+    """What does not fit in a recording of responses alone, or of them and loads."""
+    faults, seen = list[tuple[str, str]](), dict[tuple[Values, Values, bool], str]()
+    forces = [c.quantity for c in channels].count("force")
+    if forces == len(channels):
+        faults.append(("mapping.channels", "lack a response"))
+    if kind == "loads" and not 1 <= forces <= MOST_LOADS:
+        why = f"have {forces} forces, expected 1 to {MOST_LOADS} loads (kind=loads)"
+        faults.append(("mapping.channels", f"{why}; {NO_FORCE}" if not forces else why))
     for number, c in enumerate(channels):
         place = f"mapping.channels.{number}"
-        if c.quantity == "force":
+        if c.quantity == "force" and kind == "responses":
             why = "is force, and the recording is stated to be of responses alone (kind=responses)"
             faults.append((f"{place}.quantity", why))
         axis = abs(c.direction) if isinstance(c.direction, float) else c.direction
-        first = seen.setdefault((c.point, axis), c.variable)
+        first = seen.setdefault((c.point, axis, c.quantity == "force"), c.variable)
         if first != c.variable:
             faults.append((f"{place}.point", f"and direction are those of {first!r} too"))
     return faults

@@ -204,6 +204,12 @@ def store_processed(
     return keys
 
 
+def any_sent(session: Session, campaign_id: UUID) -> bool:
+    """Whether a present FRF of a campaign came with a file or a script, not of a processing."""
+    sent = Frf.campaign_id == campaign_id, Frf.processing_id.is_(None), *present(Frf)
+    return session.scalars(select(Frf.id).where(*sent).limit(1)).first() is not None
+
+
 def processings_present(session: Session, campaign_id: UUID) -> set[UUID]:
     """Processings that made present FRFs of a campaign."""
     made = Frf.campaign_id == campaign_id, Frf.processing_id.is_not(None), *present(Frf)

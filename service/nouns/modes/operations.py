@@ -38,6 +38,8 @@ class ModeSet(Identified, Base):
     covariance: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     # whether the loads were measured; shapes of unmeasured ones are unscaled
     excitation: Mapped[str] = mapped_column(server_default="measured", default="measured")
+    # rate of the FRFs' exponential window that the identification took out of the poles, 1/s
+    window_taken_out_per_s: Mapped[float] = mapped_column(server_default="0", default=0.0)
     details: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
     # by which a job identified it
     settings: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
@@ -122,6 +124,7 @@ def keep_identified(
         "job_id": job_id,
         "origin": "identified",
         "excitation": document["excitation"],
+        "window_taken_out_per_s": document["window_taken_out_per_s"],
         "covariance": covariance,
         "details": details,
         "settings": settings,
@@ -233,6 +236,11 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
         covariance=_covariance(mode_set, rows),
         probability=_probability(mode_set, rows),
     )
+
+
+def window_taken_out(session: Session, mode_set_id: UUID) -> float:
+    """Rate of the FRFs' exponential window that was taken out of a set's poles, 1/s; 0: none."""
+    return session.get_one(ModeSet, mode_set_id).window_taken_out_per_s
 
 
 def loads_measured(session: Session, mode_set_id: UUID) -> bool:

@@ -186,6 +186,7 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
         name=body.name,
         origin="edited",
         excitation=origin.excitation,
+        window_taken_out_per_s=origin.window_taken_out_per_s,
         covariance=_covariance(origin, [pole.get("place") for pole in kept]),
         details=details,
     )

@@ -182,6 +182,13 @@ class ModeSetOut(StrictModel):
             " unscaled"
         )
     )
+    window_taken_out_per_s: float = Field(
+        0.0,
+        description=(
+            "rate of the exponential window that the FRFs of measured loads carry, which was taken"
+            " out of the damping; 0: none"
+        ),
+    )
     import_id: UUID | None = Field(description="the import that it came with")
     job_id: UUID | None = Field(description="the job that identified it")
     superseded_by: UUID | None = Field(

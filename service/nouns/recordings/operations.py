@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 from uuid import UUID
 
 import numpy as np
@@ -17,7 +17,7 @@ from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by, insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.frf import Dof
-from fecore.signal import HalfSpectra
+from fecore.signal import HalfSpectra, LoadFrfs
 from service.compute.frame import Frame
 from service.compute.responses import EncodedSpectra, RecordingFile, ResponseInputs, decoded
 from service.nouns.campaigns.operations import campaign_for, campaign_of, frame_of
@@ -62,6 +62,8 @@ class StoredSpectra(Base):
     data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
+
+Spectra = TypeVar("Spectra", HalfSpectra, LoadFrfs)
 
 recording_for = Lookup(Recording, "recording", "campaign_id", campaign_for)
 
@@ -135,7 +137,8 @@ def load_recordings(
         path = workspace / f"{number}.recording"
         write_original(session, row.file_sha256, path)
         stated = {name: getattr(row, name) for name in ("id", "filename", "format", "mapping")}
-        files.append(RecordingFile(**stated, path=path, samples=row.samples))
+        loads = any(channel["quantity"] == "force" for channel in row.channels)
+        files.append(RecordingFile(**stated, path=path, samples=row.samples, loads=loads))
     named = options.references
     references = None if named is None else tuple(Dof(d.point, d.direction) for d in named)
     return ResponseInputs(tuple(files), references, options.lag_s) if files else None
@@ -171,8 +174,10 @@ def spectra_rows(session: Session, rows: Sequence[Recording]) -> dict[UUID, Stor
     return {each.recording_id: each for each in session.scalars(query)}
 
 
-def load_spectra(session: Session, campaign_id: UUID) -> tuple[HalfSpectra, ...]:
-    """All half spectra of a campaign, directions in the specimen's frame.
+def load_spectra(
+    session: Session, campaign_id: UUID
+) -> tuple[tuple[HalfSpectra, ...], tuple[LoadFrfs, ...]]:
+    """All half spectra of a campaign, and all FRFs of measured loads with their blocks; directions in the specimen's frame.
 
     Raises:
         Damaged: what was stored is not what a processing made.
@@ -184,7 +189,11 @@ def load_spectra(session: Session, campaign_id: UUID) -> tuple[HalfSpectra, ...]
         .where(Recording.campaign_id == campaign_id)
         .order_by(Recording.id)
     )
-    return tuple(in_frame(decoded(data, sha), frame) for data, sha in session.execute(query))
+    all_of_them = [decoded(data, sha) for data, sha in session.execute(query)]
+    return (
+        tuple(in_frame(each, frame) for each in all_of_them if isinstance(each, HalfSpectra)),
+        tuple(in_frame(each, frame) for each in all_of_them if isinstance(each, LoadFrfs)),
+    )
 
 
 def beside_frfs(session: Session, campaign_id: UUID) -> list[str]:
@@ -199,8 +208,8 @@ def beside_frfs(session: Session, campaign_id: UUID) -> list[str]:
     ]
 
 
-def in_frame(spectra: HalfSpectra, frame: Frame) -> HalfSpectra:
-    """Half spectra of a file with directions in the specimen's frame."""
+def in_frame(spectra: Spectra, frame: Frame) -> Spectra:
+    """Spectra of a file with directions in the specimen's frame."""
     return replace(
         spectra,
         responses=tuple(map(frame.dof, spectra.responses)),
@@ -223,7 +232,13 @@ def spectra_of_recording(session: Session, row: Recording) -> HalfSpectra:
             f"recording {row.filename} has no half spectra yet; POST"
             f" /campaigns/{row.campaign_id}/processings makes them"
         )
-    return decoded(*stored)
+    spectra = decoded(*stored)
+    if isinstance(spectra, LoadFrfs):
+        raise Conflict(
+            f"recording {row.filename} has its loads: it became FRFs, which GET"
+            f" /campaigns/{row.campaign_id}/frfs lists"
+        )
+    return spectra
 
 
 def write_npz(spectra: HalfSpectra, file: IO[bytes]) -> None:

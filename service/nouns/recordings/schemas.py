@@ -6,6 +6,8 @@ from uuid import UUID
 
 from pydantic import Field
 
+from fecore.frf import Quantity
+from fecore.signal import ChannelQuantity
 from fecore.signal.block_spectra import Motion
 from service.platform.web import StrictModel
 
@@ -14,7 +16,7 @@ class RecordedChannel(StrictModel):
     """A sensor of a recording."""
 
     variable: str = Field(description="its name in the file")
-    quantity: Motion
+    quantity: ChannelQuantity
     point: int
     direction: int
     sensitivity: float = Field(description="by which samples of the file are divided for SI")
@@ -32,7 +34,9 @@ class SpectraOut(StrictModel):
     """Half spectra of a recording, without their values."""
 
     processing_id: UUID
-    quantity: Motion = Field(description="the highest derivative that a sensor measured")
+    quantity: Motion | Quantity = Field(
+        description="the highest derivative that a sensor measured, or what the FRFs are"
+    )
     references: list[SensorOut] = Field(description="that all sensors are correlated with")
     lag_s: float = Field(description="longest lag of the correlations")
     length_s: float = Field(description="of the recording that was used")

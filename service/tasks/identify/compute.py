@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from fecore.frf import FrfSet
-from fecore.modal import Options, identify, identify_output_only
+from fecore.modal import Options, identify, identify_measured_loads, identify_output_only
 from fecore.modes import MeasuredModes
-from fecore.signal import HalfSpectra
+from fecore.signal import HalfSpectra, LoadFrfs
 from service.compute.identifying import describe_identification
 from service.platform.queue.kinds import Reporter
 
@@ -20,6 +20,7 @@ class IdentificationInputs:
 
     frfs: tuple[FrfSet, ...]
     spectra: tuple[HalfSpectra, ...]  # of each recording of responses; none beside FRFs
+    loads: tuple[LoadFrfs, ...]  # of each recording with loads, where all FRFs are of these
     options: Options
     include_doubtful: bool
     warnings: tuple[str, ...]
@@ -37,6 +38,8 @@ def find_modes(inputs: IdentificationInputs, report: Reporter) -> Iterator[Ident
     """Identify modes and describe them."""
     if inputs.spectra:
         identification = identify_output_only(inputs.spectra, inputs.options, report).identification
+    elif inputs.loads:
+        identification = identify_measured_loads(inputs.loads, inputs.options, report)
     else:
         identification = identify(inputs.frfs, inputs.options, report)
     document = describe_identification(identification)

@@ -16,9 +16,15 @@ from fecore.errors import InputError
 from fecore.modal import Options, StatedPole
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs.data import load_measured_campaign
+from service.nouns.frfs.operations import any_sent
 from service.nouns.modes.operations import keep_identified
 from service.nouns.modes.schemas import PolesIn
-from service.nouns.recordings.operations import beside_frfs, load_spectra, recordings_of
+from service.nouns.recordings.operations import (
+    beside_frfs,
+    load_spectra,
+    recordings_of,
+)
+from service.nouns.records.operations import has_records
 from service.nouns.storage import require_room
 from service.platform.access import Lookup, User
 from service.platform.db.base import Base
@@ -81,16 +87,20 @@ class IdentificationIn(PolesIn, RequestModel):
 
 def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
     campaign = load_measured_campaign(session, row.campaign_id)
-    spectra = () if campaign.frf_sets else load_spectra(session, row.campaign_id)
+    spectra, loads = load_spectra(session, row.campaign_id)
+    if campaign.frf_sets:
+        others = has_records(session, row.campaign_id) or any_sent(session, row.campaign_id)
+        spectra, loads = (), () if others else loads
     if not (campaign.frf_sets or spectra):
         raise InputError("campaign", campaign.without_frfs(_without_any(session, row.campaign_id)))
     request = IdentificationIn.model_validate(row.options)
     frfs = tuple(used.frfs for used in campaign.frf_sets)
     left = beside_frfs(session, row.campaign_id) if campaign.frf_sets else []
-    windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
+    windows = [remark for used in campaign.frf_sets if not loads for remark in used.window_remark]
     return IdentificationInputs(
         frfs,
         spectra,
+        loads,
         request.options(),
         request.include_doubtful,
         (*campaign.warnings, *left, *dict.fromkeys(windows)),

@@ -44,10 +44,11 @@ from service.tasks.import_file.recordings import (
 )
 from service.tasks.import_file.responses import (
     ReadRecording,
-    are_responses,
+    Throughout,
     proposal_of,
     proposed_responses,
     read_responses,
+    recorded_throughout,
     table_of,
 )
 
@@ -88,9 +89,9 @@ def read_arrays(
         Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with
             its pointer.
     """
-    if are_responses(inputs.mapping, inputs.kind):
-        require_taken(inputs, form, "responses")
-        yield from responses_of(inputs, form)
+    if (throughout := recorded_throughout(inputs.mapping, inputs.kind)) is not None:
+        require_taken(inputs, form, throughout)
+        yield from responses_of(inputs, form, throughout)
         return
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         if inputs.kind == "frfs":
@@ -160,14 +161,15 @@ def _without_mapping(inputs: ReadingInputs, form: str) -> FileDescription:
 
 
 def responses_of(
-    inputs: ReadingInputs, form: str, *, complete: bool = False
+    inputs: ReadingInputs, form: str, kind: Throughout, *, complete: bool = False
 ) -> Iterator[FileDescription | ReadRecording]:
-    """A recording of responses alone; without a mapping, which a dry run proposes, what its channels
+    """A recording of responses, alone or with their loads; without a mapping, which a dry run proposes, what its channels
     are.
 
     Args:
         inputs: the file.
         form: its format.
+        kind: whether loads were measured.
         complete: the file says of each channel what it is, so that no mapping needs to be stated.
 
     Raises:
@@ -184,15 +186,13 @@ def responses_of(
             why = f"is missing; ?dry_run=true proposes one; the file suggests {proposed}"
             raise Invalid("/mapping", why)
         table = table_of(file)
-        yield FileDescription(
-            form, "responses", file.shapes(), proposed, table=table, notes=_starts(file)
-        )
+        yield FileDescription(form, kind, file.shapes(), proposed, table=table, notes=_starts(file))
         return
     recording, own, notes = _faults_as(
-        _dotted, lambda: read_responses(inputs.path, stated, form, limit)
+        _dotted, lambda: read_responses(inputs.path, stated, form, limit, kind)
     )
     yield FileDescription(
-        form, "responses", own.file.shapes(), stated, table=table_of(own.file), notes=notes
+        form, kind, own.file.shapes(), stated, table=table_of(own.file), notes=notes
     )
     yield recording
 

@@ -32,7 +32,12 @@ from service.tasks.import_file.arrays_of_files import (
     responses_of,
 )
 from service.tasks.import_file.recordings import recording_in_uff, responses_in_uff
-from service.tasks.import_file.responses import ReadRecording, are_responses, proposal_of
+from service.tasks.import_file.responses import (
+    ReadRecording,
+    Throughout,
+    proposal_of,
+    recorded_throughout,
+)
 
 if TYPE_CHECKING:
     from service.platform.queue.kinds import Reporter
@@ -81,23 +86,25 @@ def read_upload(inputs: ReadingInputs, report: Reporter) -> Iterator[Kept]:
     report("checking the file", 0.0)
     form = inputs.form or recognise(inputs.path, inputs.filename)
     recording = isinstance(inputs.mapping, dict) and "recording" in inputs.mapping
-    responses = are_responses(inputs.mapping, inputs.kind)
-    if form == "uff" and (responses or not recording):
+    throughout = recorded_throughout(inputs.mapping, inputs.kind)
+    if form == "uff" and (throughout or not recording):
         # its hits have no mapping, but in a recording
-        require_taken(inputs, form, "responses" if responses else "frfs")
-        yield from _read_uff(inputs, report, responses=responses)
+        require_taken(inputs, form, throughout or "frfs")
+        yield from _read_uff(inputs, report, throughout)
         return
     report("reading arrays", 0.0)
     yield from read_arrays(inputs, form)
 
 
-def _read_uff(inputs: ReadingInputs, report: Reporter, *, responses: bool) -> Iterator[Kept]:
+def _read_uff(
+    inputs: ReadingInputs, report: Reporter, throughout: Throughout | None
+) -> Iterator[Kept]:
     """What is kept of a UFF file, dataset by dataset, each followed by its report.
 
     Args:
         inputs: the file.
         report: how far the reading is.
-        responses: its time blocks are one recording of responses.
+        throughout: what its time blocks are one recording of; None of hits.
     """
     size = inputs.path.stat().st_size
     report_at = 0.0
@@ -143,13 +150,13 @@ def _read_uff(inputs: ReadingInputs, report: Reporter, *, responses: bool) -> It
             elif isinstance(item, uff.Function | uff.TimeResponse | uff.ModeShape | uff.TraceLine):
                 is_block = isinstance(item, uff.TimeResponse)
                 channels.update([channel_of(item)] if isinstance(item, uff.TimeResponse) else [])
-                if not (is_block and responses):
+                if not (is_block and throughout):
                     yield item
         for spectrum in spectra.finish():
             yield _encoded(spectrum, inputs.quantity) if isinstance(spectrum, uff.Frf) else spectrum
             frfs = frfs or isinstance(spectrum, uff.Frf)
-        if responses:
-            yield from responses_of(inputs, "uff", complete=True)
+        if throughout:
+            yield from responses_of(inputs, "uff", throughout, complete=True)
             return
         if inputs.quantity is not None and not (frfs or refused):
             raise Invalid(

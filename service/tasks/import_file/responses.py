@@ -1,5 +1,5 @@
-"""A recording of responses to loads that nobody measured, in the child process: what a mapping says
-of it, and whether its channels can be used.
+"""A recording of responses to loads that nobody measured, or that were measured throughout, in the
+child process: what a mapping says of it, and whether its channels can be used.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -7,14 +7,15 @@ This module imports no database and no web, since the child imports it.
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
-from fecore.signal.block_spectra import Motion
+from fecore.signal import ChannelQuantity
 from fecore.signal.half_spectra import longest_lag_s
+from fecore.signal.measured_loads import require_length
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import propose_recording
 from modalbase.formats.records.recording import AnyRecording
@@ -28,7 +29,7 @@ _FEWEST = 2560  # samples of a recording of responses
 
 @dataclass(frozen=True)
 class ReadRecording:
-    """A recording of responses, on its way to the database; its samples stay in the original."""
+    """A recording of responses and perhaps loads, on its way to the database; its samples stay in the original."""
 
     format: str  # of the file
     mapping: dict[str, Any]  # by which it was read
@@ -37,23 +38,32 @@ class ReadRecording:
     channels: list[dict[str, Any]]  # as the mapping says, in SI units
 
 
-def are_responses(mapping: Any, kind: str | None) -> bool:
-    """Whether a request states a recording of responses alone: by its kind, or by a mapping of a
-    recording whose channels are all stated, and none is the force.
+Throughout = Literal["responses", "loads"]
+
+
+def recorded_throughout(mapping: Any, kind: str | None) -> Throughout | None:
+    """Whether a request states a recording of responses alone, or of responses and loads: by its
+    kind, or by a mapping of a recording whose channels are all stated, and none or several of which
+    are forces. None of hits and FRFs.
     """
     if kind is not None or not isinstance(mapping, dict):
-        return kind == "responses"
+        return cast("Throughout", kind) if kind in get_args(Throughout) else None
     channels = mapping.get("channels")
-    return (
-        "recording" in mapping
-        and isinstance(channels, list)
-        and bool(channels)
-        and all(isinstance(c, dict) and c.get("quantity") in get_args(Motion) for c in channels)
-    )
+    if "recording" not in mapping or not isinstance(channels, list) or not channels:
+        return None
+    stated = [c.get("quantity") if isinstance(c, dict) else None for c in channels]
+    if not all(each in get_args(ChannelQuantity) for each in stated):
+        return None
+    forces = stated.count("force")
+    return None if forces == 1 else "loads" if forces else "responses"
 
 
 def read_responses(
-    path: Path, mapping: dict[str, Any], form: str, limit_bytes: int | None
+    path: Path,
+    mapping: dict[str, Any],
+    form: str,
+    limit_bytes: int | None,
+    kind: Throughout = "responses",
 ) -> tuple[ReadRecording, MappedChannels, list[str]]:
     """A recording as a mapping describes it, its channels, and what was noticed.
 
@@ -69,11 +79,11 @@ def read_responses(
         raise FormatError("mapping.recording", "is not an object")
     for name in (name for name, value in about.items() if value not in (None, [])):
         known = name in ("order", "least_force")
-        why = "is of hits, and no channel is the force; leave it out" if known else "is unknown"
+        why = f"is of hits, and this is of {kind}; leave it out" if known else "is unknown"
         raise FormatError(f"mapping.recording.{name}", why)
-    own = mapped_channels(path, mapping, form, limit_bytes, forced=False)
+    own = mapped_channels(path, mapping, form, limit_bytes, kind)
     # 2. Samples.
-    samples, notes = _checked(own)
+    samples, notes = _checked(own, kind)
     recording = ReadRecording(
         form,
         mapping,
@@ -81,8 +91,10 @@ def read_responses(
         samples,
         [_described(own, k) for k in range(len(own.mapped))],
     )
-    loads = f"no channel is a force: loads that nobody measured moved the {len(own.names)} sensors"
-    return recording, own, [loads, *own.file.notes(own.names), *notes]
+    forces = [c.quantity for c in own.mapped].count("force")
+    moved = f"{forces} loads" if forces else "no channel is a force: loads that nobody measured"
+    about_loads = f"{moved} moved the {len(own.names) - forces} sensors"
+    return recording, own, [about_loads, *own.file.notes(own.names), *notes]
 
 
 def _described(own: MappedChannels, row: int) -> dict[str, Any]:
@@ -93,7 +105,7 @@ def _described(own: MappedChannels, row: int) -> dict[str, Any]:
     return {**known, **place, "full_scale": own.full_scales[row]}
 
 
-def _checked(own: MappedChannels) -> tuple[int, list[str]]:
+def _checked(own: MappedChannels, kind: Throughout) -> tuple[int, list[str]]:
     """Samples of each channel, and which channels are clipped."""
     samples, names = 0, own.names
     low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
@@ -109,7 +121,11 @@ def _checked(own: MappedChannels) -> tuple[int, list[str]]:
         clipped += np.sum(np.abs(part) >= full[:, None], axis=1)
         samples += part.shape[1]
     try:
-        longest_lag_s(samples, own.sample_rate_hz)
+        if kind == "responses":
+            longest_lag_s(samples, own.sample_rate_hz)
+        else:
+            loads = [c.quantity for c in own.mapped].count("force")
+            require_length(samples, loads, own.sample_rate_hz)
     except InputError as error:
         raise FormatError("", f"{error.field} {error.message}") from None
     for name in (names[k] for k in np.flatnonzero(low == high)):

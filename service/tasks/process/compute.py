@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fecore.signal import Averages, Estimate, Findings, process_in_parts
+from fecore.findings import texts
+from fecore.signal import Averages, Estimate, Findings, LoadFrfs, process_in_parts
 from service.compute.processing import (
     HitsOfFiles,
     PointFile,
@@ -21,7 +22,13 @@ from service.compute.processing import (
     ids_of,
     judging,
 )
-from service.compute.responses import EncodedSpectra, ResponseInputs, encoded, spectra_of
+from service.compute.responses import (
+    EncodedSpectra,
+    ResponseInputs,
+    averages_of,
+    encoded,
+    spectra_of,
+)
 
 _MOST_THREADS = 4
 
@@ -35,7 +42,7 @@ class Measured:
 
 
 def process_campaign(inputs: Measured, report: Report) -> Iterator[Averages | EncodedSpectra | str]:
-    """The FRFs of the hits and the half spectra of the recordings, and in the end the document about
+    """The FRFs of the hits and of measured loads and the half spectra of other recordings, in the end the document about
     them as JSON.
     """
     document = dict(describe_nothing())
@@ -47,11 +54,15 @@ def process_campaign(inputs: Measured, report: Report) -> Iterator[Averages | En
                 yield item
     if inputs.responses is not None:
         made = list[dict[str, Any]]()
-        spectra = spectra_of(inputs.responses, report)
-        for file, each in zip(inputs.responses.recordings, spectra, strict=True):
+        for file, each in spectra_of(inputs.responses, report):
             kept = encoded(file, each)
             made.append({**kept.document, "sha256": kept.sha256.hex()})
             yield kept
+            if isinstance(each, LoadFrfs):
+                averages = averages_of(each)
+                document["frfs"] += describe_frfs(averages, {})
+                document["warnings"] += texts(each.notes)
+                yield averages
         document["spectra"] = made
     yield json.dumps(document)
 

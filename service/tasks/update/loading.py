@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from fecore.body.constants import Body, Parameter
 from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
+from fecore.modal.output_only import without_window
 from fecore.modes import MeasuredModes
 from fecore.signal import HalfSpectra
 from fecore.updating.campaigns import CampaignsRecipe, Coupon, usual_parameters
@@ -25,7 +26,7 @@ from service.compute.processing import ProcessingInputs
 from service.nouns.campaigns.operations import campaign_of, campaigns_of
 from service.nouns.coupons.operations import batch_for, summarise
 from service.nouns.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
-from service.nouns.modes.operations import load_modes, loads_measured
+from service.nouns.modes.operations import load_modes, loads_measured, window_taken_out
 from service.nouns.recordings.operations import load_spectra, recordings_of
 from service.nouns.records.processings import load_records
 from service.nouns.structures.operations import describe_version, version_of
@@ -62,7 +63,7 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     if not campaign.frf_sets and recipe.mode_set is None:
         records = load_records(session, job.campaign_id, workspace, recipe.processing)
         if records is None:
-            spectra = load_spectra(session, job.campaign_id)
+            spectra, _ = load_spectra(session, job.campaign_id)
         else:
             campaign = _with_sensor_of(campaign, records)
         if records is None and not spectra:
@@ -183,6 +184,8 @@ def _measured(
     used, modes = campaign.frf_sets[0] if campaign.frf_sets else None, None
     if recipe.mode_set is not None:
         modes = modes_in_frame(load_modes(session, recipe.mode_set), campaign.frame)
+        if used is not None:
+            modes = as_in_frfs(modes, window_taken_out(session, recipe.mode_set))
     window = (None, None) if used is None else used.window
     return (
         used,
@@ -254,6 +257,13 @@ def _sensor_point(campaign: MeasuredCampaign) -> int | None:
 def modes_in_frame(modes: MeasuredModes, frame: Frame) -> MeasuredModes:
     """Modes of a file with the directions of their shapes in the specimen's frame."""
     return replace(modes, dofs=tuple(frame.dof(dof) for dof in modes.dofs))
+
+
+def as_in_frfs(modes: MeasuredModes, rate_per_s: float) -> MeasuredModes:
+    """Modes with the window's rate that an identification took out of them, as the FRFs have it:
+    the update takes it out of both.
+    """
+    return modes if not rate_per_s else without_window(modes, modes.covariance, -rate_per_s)
 
 
 def _left_out(campaign: MeasuredCampaign) -> list[str]:

@@ -1,0 +1,75 @@
+"""A recording of shakers and what they move goes over HTTP to FRFs and modes."""
+
+import io
+import json
+from typing import Any
+
+import httpx
+import numpy as np
+
+from tests.support.rest import RAW, finished, ok, posted
+from tests.unit.fecore.signal.test_measured_loads import POLES, RATE, random_loads, recorded
+
+STRIP = {
+    "name": "strip",
+    "geometry": {"length_m": 0.4, "width_m": 0.03, "thickness_m": 0.005},
+    "density_kg_m3": 1800.0,
+    "material": {"Ex_Pa": 3e10, "Ey_Pa": 6e9, "Gxy_Pa": 5e9, "Gxz_Pa": 5e9, "Gyz_Pa": 5e9}
+    | {"nu_xy": 0.3},
+}
+
+
+def sent(api: httpx.Client, campaign: str, body: bytes, mapping: Any, **query: Any) -> Any:
+    stated = {"filename": "shakers.npz", "mapping": json.dumps(mapping)} | query
+    answer = api.post(f"campaigns/{campaign}/imports", content=body, params=stated, headers=RAW)
+    ok(answer, 202)
+    return finished(api, answer.headers["Location"])
+
+
+def job(api: httpx.Client, path: str, body: Any) -> Any:
+    done = finished(api, api.post(path, json=body).headers["Location"])
+    assert done["status"] == "succeeded", (done["message"], done.get("error"))
+    return done
+
+
+def test_shakers_become_frfs_and_modes(api: httpx.Client) -> None:
+    project = posted(api, "projects", {"name": "shaker"})["id"]
+    structure = posted(api, f"projects/{project}/structures", STRIP)["id"]
+    campaign = posted(
+        api, f"structures/{structure}/campaigns", {"name": "two shakers", "boundary": "free"}
+    )["id"]
+    x = recorded(random_loads(2))
+    stream = io.BytesIO()
+    np.savez(stream, sample_rate_hz=RATE, **dict(zip("abcde", x, strict=True)))
+    channels = [
+        {"variable": name, "quantity": quantity, "sensitivity": 1, "point": point, "direction": 3}
+        for name, quantity, point in zip(
+            "abcde", [*["acceleration"] * 3, "force", "force"], [1, 2, 3, 1, 2], strict=True
+        )
+    ]
+    mapping = {"sample_rate_hz": RATE, "channels": channels}
+    file = stream.getvalue()
+
+    # several forces are no hits, and are loads where that is stated
+    (fault,) = sent(api, campaign, file, mapping)["error"]["errors"]
+    assert "state kind=loads" in fault["detail"]
+    one = {**mapping, "channels": channels[:3]}
+    (fault,) = sent(api, campaign, file, one, kind="loads")["error"]["errors"]
+    assert "have 0 forces" in fault["detail"]
+    read = sent(api, campaign, file, mapping, kind="loads")
+    assert (read["status"], read["kind"], read["counts"]["recordings"]) == ("succeeded", "loads", 1)
+
+    done = job(api, f"campaigns/{campaign}/processings", {})["result"]
+    assert len(done["frfs"]) == 6
+    (frf, *_) = ok(api.get(f"campaigns/{campaign}/frfs"))["items"]
+    assert frf["window_rate_per_s"] > 0
+    job(api, f"campaigns/{campaign}/identifications", {})
+    (modes,) = ok(api.get(f"campaigns/{campaign}/mode-sets"))["items"]
+    assert modes["excitation"] == "measured"
+    assert modes["window_taken_out_per_s"] == frf["window_rate_per_s"]
+    true = np.log(POLES) * RATE
+    assert len(modes["modes"]) == 2
+    for own, pole in zip(modes["modes"], true, strict=True):
+        assert abs(own["frequency_hz"] - abs(pole) / 2 / np.pi) < 3 * own["frequency_sd_hz"]
+        assert abs(own["damping_ratio"] + pole.real / abs(pole)) < 3 * own["damping_sd"]
+        assert own["damping_sd"] < 0.1 * own["damping_ratio"]
