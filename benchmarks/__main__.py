@@ -44,6 +44,7 @@ TABLES = {
         Case("hits_windows", "hits", quick="2"),
         Case("identification", "identification", quick="2"),
         Case("output_only", "output_only", quick="2"),
+        Case("measured_loads", "measured_loads", quick="1"),
         Case("calibrate", "calibrate"),
         Case("real_bodies", "updates", "table", "table nothing"),
         Case("real_bodies", "updates", "drawn 60", "drawn 2"),

@@ -40,7 +40,7 @@ def _recording(seed: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArra
     machine = float(rng.uniform(5, 90)) if seed % 3 == 0 else None
     modal = _modal_loads(shapes, machine, rng)
     accelerations = np.array(
-        [_oscillator(*each) for each in zip(f, zeta, modal, strict=True)], dtype=float
+        [oscillator(*each) for each in zip(f, zeta, modal, strict=True)], dtype=float
     )
     rows = rng.choice(POINTS, SENSORS, replace=False)
     share = np.square(shapes[rows]).sum(axis=0) * accelerations.var(axis=1)
@@ -66,7 +66,7 @@ def _modal_loads(shapes: FloatArray, machine: float | None, rng: np.random.Gener
     return modal
 
 
-def _oscillator(f: float, zeta: float, load: FloatArray) -> FloatArray:
+def oscillator(f: float, zeta: float, load: FloatArray) -> FloatArray:
     """Acceleration of q̈ + 2ζωq̇ + ω²q = p, exact for loads linear between samples, decimated."""
     omega, step = 2 * np.pi * f, 1 / RATE / OVER
     state = np.array([[0.0, 1.0], [-(omega**2), -2 * zeta * omega]])

@@ -20,7 +20,7 @@ def page() -> str:
         "suffixes",
         "stated with FRFs",
         "stated with hits",
-        "stated with responses",
+        "stated with responses, with loads",
         "FRFs written as",
         "needs",
     ]

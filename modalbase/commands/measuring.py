@@ -103,10 +103,10 @@ def import_files(
         typer.Option(help="What FRFs are whose file does not say"),
     ] = None,
     kind: Annotated[
-        Literal["hits", "frfs", "responses"] | None,
+        Literal["hits", "frfs", "responses", "loads"] | None,
         typer.Option(
             help=f"What an {titles(either())} holds, by default as its arrays say; `responses` where"
-            " no load was measured"
+            " no load was measured, `loads` where all were throughout"
         ),
     ] = None,
     mapping: Annotated[

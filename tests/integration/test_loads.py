@@ -44,7 +44,7 @@ def test_shakers_become_frfs_and_modes(api: httpx.Client) -> None:
     channels = [
         {"variable": name, "quantity": quantity, "sensitivity": 1, "point": point, "direction": 3}
         for name, quantity, point in zip(
-            "abcde", [*["acceleration"] * 3, "force", "force"], [1, 2, 3, 1, 2], strict=True
+            "abcde", [*["velocity"] * 3, "force", "force"], [1, 2, 3, 1, 2], strict=True
         )
     ]
     mapping = {"sample_rate_hz": RATE, "channels": channels}

@@ -132,10 +132,28 @@ def _responses() -> dict[str, Any]:
     return {"recording": x, "rate": rate}
 
 
+def _shaken() -> dict[str, Any]:
+    """A minute of three sensors and two shakers, and the file of them."""
+    rng, rate = np.random.default_rng(1), 50.0
+    loads = rng.standard_normal((2, 3600))
+    x = np.zeros((3, 3600))
+    for hz, shape in ((3.0, (1.0, 0.6, -0.4)), (8.0, (0.8, -0.7, 1.0))):
+        t = np.arange(600) / rate
+        decay = np.exp(-0.1 * np.pi * hz * t) * np.sin(2 * np.pi * hz * t)
+        answer = np.diff(decay, 2, append=0, prepend=0)
+        x += np.outer(shape, np.convolve(np.asarray(shape[:2]) @ loads, answer)[:3600])
+    recording = np.concatenate([x, loads])[:, 600:]
+    names = [f"a_{point}" for point in (11, 22, 33)] + [f"f_{point}" for point in (11, 22)]
+    time = np.arange(3000) / rate
+    np.savez("shakers.npz", time_s=time, **dict(zip(names, recording, strict=True)))
+    return {"recording": recording, "rate": rate}
+
+
 AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
     "docs/ambient.md": _responses,
     "docs/coupons.md": _coupon,
     "docs/hammer.md": _hits,
+    "docs/loads.md": _shaken,
     "docs/modes.md": _measured,
     "docs/jobs.md": _long,
     "docs/monitoring-charts.md": _months,

@@ -57,7 +57,7 @@ class Counts(StrictModel):
     grid_points: int
     modes: int
     records: int = Field(0, description="time blocks of hammer hits")
-    recordings: int = Field(0, description="of responses to loads that nobody measured")
+    recordings: int = Field(0, description="of responses, with or without their loads")
 
 
 class ImportOut(JobOut):
@@ -147,7 +147,7 @@ def start_import(
         Kind | None,
         Query(
             description=f"what an {titles(either())} holds; default: by its mapping and its arrays."
-            " `responses` of any file: no load was measured"
+            " `responses` of any file: no load was measured; `loads`: one or several, throughout"
         ),
     ] = None,
     mapping: MappingQuery = None,

@@ -3,8 +3,8 @@
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0063_loads"
-down_revision = "0060_recordings"
+revision = "0064_loads"
+down_revision = "0063_growth"
 branch_labels = None
 depends_on = None
 
