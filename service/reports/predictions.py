@@ -46,7 +46,8 @@ def predicted_table(
     """The FRFs of a job's model.
 
     Raises:
-        Conflict: the job has no result, yet or ever; or the campaign's frame was changed since.
+        Conflict: the job has no result, yet or ever; or the result rests on modes alone; or the
+            campaign's frame was changed since.
         NotFound: none is at the chosen points.
         Invalid: the cut leaves no line.
     """
@@ -54,6 +55,11 @@ def predicted_table(
     arrays = result_arrays(session, job)
     frequency, values = arrays["frequency_hz"], arrays[model]
     dofs = list(zip(_dofs(arrays["responses"]), _dofs(arrays["references"]), strict=True))
+    if not dofs:
+        raise Conflict(
+            "the result has no predicted FRFs: it rests on modes alone, and the campaign had no"
+            " measured FRF to predict"
+        )
     ids = [UUID(frf["id"]) for frf in document["provenance"]["frfs"]]
     measured = used_frfs(session, job, frfs_of(session, ids), dofs)
     rows = [i for i, frf in enumerate(measured) if _is_chosen(frf, chosen)]

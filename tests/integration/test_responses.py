@@ -139,6 +139,19 @@ def test_a_recording_becomes_modes_and_an_update(
     assert modes["details"]["harmonics_hz"] == []
     require_modes(modes, truth)
 
+    # such a set is edited and compared as others are
+    drop = {
+        "frequency_hz": modes["modes"][-1]["frequency_hz"],
+        "keep": False,
+        "reason": "at the end",
+    }
+    edited = posted(api, f"mode-sets/{modes['id']}/edits", {"name": "e", "decisions": [drop]})
+    assert (edited["excitation"], len(edited["modes"])) == ("unmeasured", 5)
+    ok(api.get(f"mode-sets/{edited['id']}/figures/mac", params={"mode_set": modes["id"]}))
+    band = {"name": "low", "band_hz": [5, 60], "threshold": 0.5}
+    low = job(api, f"campaigns/{campaign}/identifications", band)["result"]["modes"]
+    assert [round(each["frequency_hz"]) for each in low] == [10, 28, 36, 54]
+
     # spectra go out as arrays and as UFF, and are drawn with the modes
     address = f"recordings/{recording['id']}/spectra"
     with np.load(io.BytesIO(api.get(address, params={"format": "npz"}).content)) as arrays:
@@ -152,7 +165,7 @@ def test_a_recording_becomes_modes_and_an_update(
     assert {s["func_type"] for s in sets[1:]} == {2, 3}
     drawn = ok(api.get(f"campaigns/{campaign}/figures/spectra"))
     upright = [shape["x0"] for shape in drawn["layout"]["shapes"]]
-    np.testing.assert_allclose(upright, [mode["frequency_hz"] for mode in modes["modes"]])
+    np.testing.assert_allclose(upright, [each["frequency_hz"] for each in low])
 
     page = api.get(api.base_url.join(f"/ui/campaigns/{campaign}")).text
     assert f"campaigns/{campaign}/figures/spectra" in page
@@ -170,6 +183,8 @@ def test_a_recording_becomes_modes_and_an_update(
         assert abs(row["estimate"] - truth["config"][name]) < 3 * row["standard_deviation"]
         assert row["standard_deviation"] < 0.1 * row["estimate"]
     assert "a0" in estimates  # a law of damping, by the ratios
+    none = api.get(f"update-jobs/{updated['id']}/frfs/data")
+    assert none.status_code == 409, none.text
     kept = ok(api.get(f"mode-sets/{result['provenance']['mode_set']}"))
     assert kept["excitation"] == "unmeasured"
 

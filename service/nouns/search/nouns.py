@@ -18,7 +18,7 @@ from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.nouns.campaigns.schemas import Boundary
 from service.nouns.coupons.schemas import Standard
-from service.nouns.modes.schemas import Origin
+from service.nouns.modes.schemas import Excitation, Origin
 from service.nouns.records.schemas import ChannelQuantity
 from service.nouns.search import literals
 from service.nouns.search.fields import Field, Noun
@@ -290,7 +290,13 @@ _ALL = (
         "mode_set",
         "mode_sets",
         owner="campaign",
-        fields=(ID, NAME, _one_of("origin", get_args(Origin)), CREATED),
+        fields=(
+            ID,
+            NAME,
+            _one_of("origin", get_args(Origin)),
+            _one_of("excitation", get_args(Excitation)),
+            CREATED,
+        ),
     ),
     Noun(
         "mode",
