@@ -76,6 +76,18 @@ class Recording(Thing):
         with np.load(BytesIO(content)) as arrays:
             return dict(arrays)
 
+    def deflection(self, frequency_hz: float) -> dict[str, Any]:
+        """Its operating deflection shape at a line: `frequency_hz` of the line, `reference`, `unit`
+        and `shape`, `point`, `direction`, `real` and `imag` of each sensor.
+
+        Raises:
+            ClientError: no processing has made its spectra yet.
+        """
+        shape: dict[str, Any] = self.lab.rest.get_recording_deflection(
+            self.fields["id"], frequency_hz=frequency_hz
+        )
+        return shape
+
     def save_spectra(self, file: str | Path) -> Path:
         """Write its spectra to a file: `.uff`, `.npz` or `.json`.
 

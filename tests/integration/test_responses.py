@@ -163,6 +163,11 @@ def test_a_recording_becomes_modes_and_an_update(
     np.testing.assert_allclose(np.real(first["data"]), auto[0], rtol=1e-12)
     np.testing.assert_allclose(first["x"], lines)
     assert {s["func_type"] for s in sets[1:]} == {2, 3}
+    at = {"frequency_hz": truth["modes"][0]["f_hz"]}
+    deflection = ok(api.get(f"recordings/{recording['id']}/deflection", params=at))
+    ods = np.array([[value["real"] + 1j * value["imag"] for value in deflection["shape"]]])
+    points = [value["point"] - 1 for value in deflection["shape"]]
+    assert mac(ods, np.array([truth["modes"][0]["shape"]])[:, points])[0, 0] > 0.99
     drawn = ok(api.get(f"campaigns/{campaign}/figures/spectra"))
     upright = [shape["x0"] for shape in drawn["layout"]["shapes"]]
     np.testing.assert_allclose(upright, [each["frequency_hz"] for each in low])

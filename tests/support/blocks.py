@@ -129,7 +129,7 @@ def _responses() -> dict[str, Any]:
         x += np.outer(shape, np.convolve(rng.standard_normal(time.size), decay)[: time.size])
     channels = {f"a_{point}": row for point, row in zip((11, 22, 33), x, strict=True)}
     np.savez("deck.npz", time_s=time, **channels)
-    return {"recording": x, "rate": rate}
+    return {"samples": x, "rate": rate}
 
 
 def _shaken() -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import IO, Annotated, Any
 from uuid import UUID
 
 import numpy as np
-from fastapi import Response
+from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session
 
@@ -22,7 +22,12 @@ from service.nouns.recordings.operations import (
     spectra_of_recording,
     write_npz,
 )
-from service.nouns.recordings.schemas import RecordingOut
+from service.nouns.recordings.schemas import (
+    DeflectionOf,
+    DeflectionOut,
+    RecordingOut,
+    SensorOut,
+)
 from service.nouns.records.schemas import UNITS
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.access.nouns import NounRoutes
@@ -68,6 +73,29 @@ def get_recording_spectra(
         else (lambda file: write_npz(spectra, file))
     )
     return spooled(write, MEDIA_TYPES[form], f"spectra.{form}", {"Vary": "Accept"})
+
+
+@router.get("/recordings/{recording_id}/deflection")
+def get_recording_deflection(
+    recording_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    frequency_hz: Annotated[float, Query(gt=0, le=1e7, description="at which line, Hz")],
+) -> DeflectionOut:
+    """The operating deflection shape of a recording at a frequency, by the power spectra of all
+    sensors with the reference that moves most there.
+    """
+    spectra = spectra_of_recording(session, recording_for(session, user, recording_id))
+    line, reference, shape = spectra.deflection(frequency_hz)
+    return DeflectionOut(
+        frequency_hz=line,
+        reference=SensorOut(**_sensor(reference)),
+        unit=f"{UNITS[spectra.quantity]}/√Hz",
+        shape=[
+            DeflectionOf(**_sensor(dof), real=value.real, imag=value.imag)
+            for dof, value in zip(spectra.responses, shape.tolist(), strict=True)
+        ],
+    )
 
 
 def _as_json(spectra: HalfSpectra) -> dict[str, Any]:

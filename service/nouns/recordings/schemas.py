@@ -47,6 +47,22 @@ class SpectraOut(StrictModel):
     created_at: datetime
 
 
+class DeflectionOf(SensorOut):
+    """What one sensor does."""
+
+    real: float
+    imag: float
+
+
+class DeflectionOut(StrictModel):
+    """An operating deflection shape: what all sensors of a recording do together at a line."""
+
+    frequency_hz: float = Field(description="of the line, the nearest to the one asked for")
+    reference: SensorOut = Field(description="whose phase is 0")
+    unit: str
+    shape: list[DeflectionOf]
+
+
 class RecordingOut(StrictModel):
     """A recording of responses to loads that nobody measured; its samples stay in the file."""
 
