@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from service.nouns.structures.operations import Structure
 
 
+OF_RUN = ("revision", "state", "message", "update_job_id", "job_id", "software")
+"""What a series has of each run."""
+
+
 def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:
     """What `GET /monitors/{id}/series` answers; nothing but JSON, so that figures are made of it
     too.
@@ -91,9 +95,7 @@ def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
         key=lambda r: (r.performed_at is None, r.performed_at or r.created_at, r.id),
     ):
         run = runs[row.id]
-        of_run = _members(
-            run, "revision", "state", "message", "update_job_id", "job_id", "software"
-        )
+        of_run = _members(run, *OF_RUN)
         of_campaign = _members(row, "name", "performed_at", "covariates", *CLIMATE)
         keys = {"campaign_id": str(row.id), "run_id": str(run.id)}
         shown.append({**keys, **of_campaign, "deleted": row.deleted_at is not None, **of_run})
