@@ -146,7 +146,7 @@ class _Schema:
 
 
 @cache
-def _asked(noun: str) -> dict[str, FormField]:
+def _named_questions(noun: str) -> dict[str, FormField]:
     """The questions of a body by their names, those within groups too."""
     named: dict[str, FormField] = {}
 
@@ -160,13 +160,13 @@ def _asked(noun: str) -> dict[str, FormField]:
     return named
 
 
-def asked(noun: str, names: str, prefix: str = "") -> list[FormField]:
+def questions(noun: str, names: str, prefix: str = "") -> list[FormField]:
     """Questions of a form, by the names of members of a body, parted by blanks; those with `*` are
     the members of a group. Each is called by its name behind the prefix.
     """
     fields = []
     for name in names.split():
-        field = _asked(noun)[name.removesuffix("/*")]
+        field = _named_questions(noun)[name.removesuffix("/*")]
         fields += field.fields if name.endswith("/*") else [field]
     return [_behind(prefix, one) for one in fields]
 

@@ -33,7 +33,7 @@ from service.nouns.campaigns.operations import campaign_for, describe
 from service.nouns.structures import routes as structures
 from service.pages import numbers
 from service.pages.findings import bar
-from service.pages.forms import asked, labelled, page_words
+from service.pages.forms import labelled, page_words, questions
 from service.pages.quantities import attributes
 from service.platform.access import CurrentUser, SessionDep, User, role_in
 from service.platform.access import routes as access
@@ -148,7 +148,7 @@ def _templates() -> Environment:
         climate=CLIMATE,
         formats=FORMATS,
         titles=titles,
-        asked=asked,
+        questions=questions,
     )
     for name in ("kit", "fields", "parts", "curves"):  # each uses those before
         made.globals[name] = made.get_template(f"{name}.html").module
