@@ -25,7 +25,7 @@ from modalbase import read_uff
 from modalbase.formats import uff
 
 content = list(
-    read_uff(sys.argv[1] if len(sys.argv) > 1 else "service/pages/example/paper_beam.uff")
+    read_uff(sys.argv[1] if len(sys.argv) > 1 else "service/pages/static/paper_beam.uff")
 )
 for report in content:
     if isinstance(report, uff.DatasetReport) and report.outcome == "refused":

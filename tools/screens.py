@@ -20,7 +20,7 @@ from tests.support.waiting import until
 LOOKS = [
     (*size, dark) for size in (("desk", 1400, 900), ("phone", 390, 844)) for dark in (False, True)
 ]
-LISTS = ("", "new", "projects", "update-jobs", "monitors", "keys", "kit", "nowhere")
+LISTS = ("", "new", "projects", "update-jobs", "monitors", "trash", "keys", "kit", "nowhere")
 DRAWN = ".main-svg, .uplot, .wait:not(:text('Drawing …'))"  # or says why not
 WATCH = {
     "name": "stringer",

@@ -13,7 +13,7 @@ from modalbase.formats.registry import FORMATS, Kind
 from service.pages.forms import page_words
 from service.pages.look import page
 from service.platform.access import CurrentUser
-from service.platform.errors import ServiceError
+from service.platform.errors import PayloadTooLarge, ServiceError
 from service.platform.queue.subprocess_read import read_in_subprocess
 from service.platform.web.admission import without_slot
 from service.platform.web.routing import UI, page_router
@@ -32,10 +32,12 @@ async def look_at_file(
     kind: Annotated[Kind | None, Query()] = None,
 ) -> HTMLResponse:
     """A row that says what a file holds and states, and the form of what it does not say."""
-    look, fault = FileLook(), ""
+    look, fault, large = FileLook(), "", False
     try:
         async with without_slot(request.scope):
             look = await read_in_subprocess(look_at, sent.file.path, filename, kind)
+    except PayloadTooLarge:
+        large = True
     except (ServiceError, FecoreError) as error:
         fault = page_words(_reason(error))
     key = sent.file.sha256.hex()[:12]
@@ -54,8 +56,9 @@ async def look_at_file(
         starts={key: look.mapping},
         look=look,
         fault=fault,
+        large=large,
         asks=look.kind is not None and (bool(look.mapping) or not _states_all(look)),
-        facts=_facts(look, filename, fault),
+        facts={**_facts(look, filename), "refused": bool(fault), "large": large},
     )
 
 
@@ -69,13 +72,12 @@ def _states_all(look: FileLook) -> bool:
     return FORMATS[look.format].states_quantity
 
 
-def _facts(look: FileLook, filename: str, fault: str) -> dict[str, Any]:
+def _facts(look: FileLook, filename: str) -> dict[str, Any]:
     """What a form is filled in with."""
     stem = PurePosixPath(filename).stem
     at = look.performed_at
     return {
         "name": filename,
-        "refused": bool(fault),
         "model": look.is_model,
         "asks_units": look.is_model and not look.states_units,
         "points": look.counts["grid points"],

@@ -53,6 +53,7 @@ MEDIA_TYPES = {
     ".css": "text/css",
     ".svg": "image/svg+xml",
     ".txt": "text/plain",
+    ".uff": "application/x-uff",
 }
 LARGE = 1000  # bytes from which compression is worth a browser's work
 

@@ -9,7 +9,7 @@ from datetime import datetime
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
-from fastapi import Query, Request, Response
+from fastapi import Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from service.figures.marks import counted
@@ -75,6 +75,7 @@ def get_start(visit: VisitDep) -> HTMLResponse:
         "start.html",
         projects=active,
         example=next((p for p in active if EXAMPLE in p.tags), None),
+        to_make=_example(),
         tests=_recent_tests(visit),
         jobs=_under_way(visit),
         alarms=alarms,
@@ -130,8 +131,7 @@ def _under_way(visit: Visit) -> list[dict[str, Any]]:
     return [shown[key] for key in jobs if key in shown]
 
 
-@router.get("/example")
-def get_example(_visit: VisitDep) -> dict[str, Any]:
+def _example() -> dict[str, Any]:
     """What the example project is made of, as REST takes it."""
     return {
         "project": {
@@ -148,12 +148,6 @@ def get_example(_visit: VisitDep) -> dict[str, Any]:
             "published": {name: {"mean": mean} for name, mean in paper.COUPONS_PA.items()},
         },
     }
-
-
-@router.get("/example/frfs")
-def get_example_frfs(_visit: VisitDep) -> Response:
-    """The file of the example project."""
-    return Response(paper.uff_file(), media_type="application/x-uff")
 
 
 RESTORABLE: dict[str, Lookup[Any]] = {

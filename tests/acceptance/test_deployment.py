@@ -326,7 +326,7 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
         metadata = wheel.read(next(name for name in names if name.endswith("METADATA"))).decode()
     tops = {name.split("/")[0] for name in names if not name.split("/")[0].endswith(".dist-info")}
     assert tops == {"fecore", "migrations", "modalbase", "service"}
-    assert {"modalbase/client/routes.json", "service/pages/example/paper_beam.uff"} <= set(names)
+    assert {"modalbase/client/routes.json", "service/pages/static/paper_beam.uff"} <= set(names)
     assert {
         "service/pages/guide/pages/index.md",
         "service/pages/guide/pages/decisions/queue.md",
@@ -348,7 +348,7 @@ def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -
         "README.md",
         "LICENSE",
         "modalbase/__init__.py",
-        "service/pages/example/paper_beam.uff",
+        "service/pages/static/paper_beam.uff",
     } <= names
 
 

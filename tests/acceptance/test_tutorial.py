@@ -254,7 +254,7 @@ def test_the_script_makes_the_demonstrations_file(tmp_path: Path) -> None:
         [sys.executable, str(ROOT / "examples/make_paper_beam.py"), str(made)], check=True, cwd=ROOT
     )
     ours, shipped = (
-        list(read_file(file)) for file in (made, ROOT / "service/pages/example/paper_beam.uff")
+        list(read_file(file)) for file in (made, ROOT / "service/pages/static/paper_beam.uff")
     )
     points = [[item for item in file if isinstance(item, GridPoint)] for file in (ours, shipped)]
     assert points[0] == points[1]

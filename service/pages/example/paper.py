@@ -58,4 +58,4 @@ CAMPAIGN: dict[str, Any] = {
 
 def uff_file() -> bytes:
     """The UFF file that `examples/make_paper_beam.py` wrote."""
-    return (files("service.pages.example") / "paper_beam.uff").read_bytes()
+    return (files("service.pages") / "static" / "paper_beam.uff").read_bytes()

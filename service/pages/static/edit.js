@@ -6,7 +6,6 @@ const EDITED = new Map(); // form -> what was read, and its tag
 
 async function readInto(form) {
   const answer = await fetch(rest(form.dataset.edit), {
-    credentials: "same-origin",
     headers: { Accept: "application/json" },
   });
   const value = await answer.json();

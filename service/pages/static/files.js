@@ -158,7 +158,7 @@ function askMissing() {
   if (!form) return;
   const files = measuredOnes();
   const then = form.querySelector("[data-then]");
-  const points = files.some(({ facts }) => facts.points);
+  const points = files.some(({ facts }) => facts.points || facts.large);
   const bare = form.querySelector("select[data-kind]").value === "bare" && !form.elements.structure_id.value;
   document.querySelector("[data-looked]").hidden = !looked.length;
   then.hidden = !files.length || bare;
@@ -193,7 +193,7 @@ async function lookAtAll(files) {
 /* The page of a new test in the place of this one, which has the files. */
 async function openNewTest() {
   const address = at("ui/new");
-  const answer = await fetch(address, { credentials: "same-origin" });
+  const answer = await fetch(address);
   const next = new DOMParser().parseFromString(await answer.text(), "text/html");
   document.title = next.title;
   document.querySelector("main").replaceChildren(...next.querySelector("main").childNodes);
@@ -304,10 +304,9 @@ function beginNewTest() {
   follow();
 }
 /* The example: what a newcomer would send, in the order of a test. */
-async function addExample() {
-  const answer = await fetch(at("ui/example"), { credentials: "same-origin" });
-  const { project, structure, campaign, modes, batch } = await answer.json();
-  const file = await (await fetch(at("ui/example/frfs"), { credentials: "same-origin" })).blob();
+async function addExample({ dataset }) {
+  const { project, structure, campaign, modes, batch } = JSON.parse(dataset.example);
+  const file = await (await fetch(at(dataset.file))).blob();
   const make = async (path, body) => (await send("POST", path, body)).id;
   say("Making the example …");
   const plate = await make(`projects/${await make("projects", project)}/structures`, structure);
@@ -324,7 +323,7 @@ document.addEventListener("submit", (event) => {
   const form = event.target;
   if ("example" in form.dataset) {
     event.preventDefault();
-    submitted(form, addExample);
+    submitted(form, () => addExample(form));
   }
   if (!("newTest" in form.dataset) && !("mapping" in form.dataset)) return;
   event.preventDefault();

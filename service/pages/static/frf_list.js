@@ -205,7 +205,7 @@ function tableLine(texts) {
 async function fetched(path) {
   const answer = await fetch(
     new URL(document.documentElement.dataset.root + "api/v1/" + path, location.href),
-    { credentials: "same-origin", headers: { Accept: "application/x-npz" } },
+    { headers: { Accept: "application/x-npz" } },
   );
   if (!answer.ok) throw new Error((await answer.json()).detail);
   return FrfData.curveOf(await answer.arrayBuffer());

@@ -9,7 +9,6 @@ async function call(method, path, body, headers = {}) {
   const answer = await fetch(rest(path), {
     method,
     body,
-    credentials: "same-origin",
     headers: { Accept: "application/json", "X-CSRF-Token": page.csrf, ...headers },
   });
   return valueIn(answer.status, await answer.text());
@@ -247,7 +246,7 @@ const upload = (path, file, form) => {
 /* A file that was looked at is read as its form says, with others that have its arrays where that
    is wished. */
 async function sendAgain({ read, into, name }, stated) {
-  const original = await fetch(rest(`imports/${read}/original`), { credentials: "same-origin" });
+  const original = await fetch(rest(`imports/${read}/original`));
   return sendFile(into, await original.blob(), name, stated);
 }
 async function lookAgain(form, stated) {

@@ -23,7 +23,6 @@ async function ask(questions) {
   const answer = await fetch(at("ui/quantities"), {
     method: "POST",
     body: `[${unknown}]`,
-    credentials: "same-origin",
     headers: {
       Accept: "application/json",
       "Content-Type": "application/json",
