@@ -7,15 +7,10 @@ const pause = () =>
 /* What a service answers to a file; meanwhile a line says how far it is, and takes it back. */
 async function answerTo(address, file, name) {
   const request = new XMLHttpRequest();
-  const line = Object.assign(document.createElement("p"), { className: "live" });
-  const bar = Object.assign(document.createElement("progress"), { value: 0, ariaLabel: name });
-  const cancel = Object.assign(document.createElement("button"), {
-    className: "plain",
-    type: "button",
-    textContent: "Cancel",
-  });
-  cancel.addEventListener("click", () => request.abort());
-  line.append(`Sending ${name}`, bar, cancel);
+  const bar = made("progress", { value: 0, ariaLabel: name });
+  const onclick = () => request.abort();
+  const cancel = made("button", { className: "plain", type: "button", onclick }, "Cancel");
+  const line = made("p", { className: "live" }, `Sending ${name}`, bar, cancel);
   document.querySelector(".drop")?.after(line);
   request.upload.addEventListener("progress", ({ loaded, total }) => {
     bar.value = loaded / total;
@@ -93,10 +88,9 @@ async function lookAt(file, kind = "") {
   if (kind) query.set("kind", kind);
   const { status, text } = await answerTo(at(`ui/files?${query}`), file, file.name);
   if (status >= 400) throw { detail: `${file.name} could not be looked at; try again.` };
-  const made = document.createElement("template");
-  made.innerHTML = text;
-  const row = made.content.querySelector("tr");
-  const asked = made.content.querySelector("form");
+  const { content } = made("template", { innerHTML: text });
+  const row = content.querySelector("tr");
+  const asked = content.querySelector("form");
   const facts = JSON.parse(row.dataset.facts);
   const place = document.querySelector("[data-mappings]");
   const before = looked.findIndex((each) => each.file.name === file.name);
@@ -107,9 +101,7 @@ async function lookAt(file, kind = "") {
     if (mapping) mapping.querySelector("h3").append(`, ${file.name}`);
     else {
       mapping = asked;
-      asked.prepend(
-        Object.assign(document.createElement("h3"), { textContent: `What is in ${file.name}` }),
-      );
+      asked.prepend(made("h3", {}, `What is in ${file.name}`));
       asked.className = "card asks";
       place.append(asked);
     }
@@ -131,12 +123,7 @@ function stateFacts() {
       const input = name.includes("/") && form.elements[name];
       if (!input || !value || input.value) continue;
       fill(input, value);
-      input.after(
-        Object.assign(document.createElement("small"), {
-          className: "stated",
-          textContent: `from ${facts.name}`,
-        }),
-      );
+      input.after(made("small", { className: "stated" }, `from ${facts.name}`));
     }
   const model = looked.find(({ facts }) => facts.model && !facts.refused);
   const { deck, units } = form.elements;
@@ -243,17 +230,17 @@ async function newTest(form) {
   if (![form, ...mappings].every((each) => each.reportValidity())) return undefined;
   for (const mapping of mappings) await understand(mapping);
   const body = bodyOf(form);
-  const made = (form.made ??= {});
+  const stored = (form.stored ??= {});
   const make = async (part, path) => {
     const text = path + JSON.stringify(body[part]);
-    if (made[part]?.text === text) return made[part].id;
+    if (stored[part]?.text === text) return stored[part].id;
     try {
-      made[part] = { text, id: (await send("POST", path, body[part])).id };
+      stored[part] = { text, id: (await send("POST", path, body[part])).id };
     } catch (problem) {
       for (const fault of problem.errors ?? []) fault.pointer = `/${part}${fault.pointer}`;
       throw problem;
     }
-    return made[part].id;
+    return stored[part].id;
   };
   const structure = body.structure_id || (await newStructure(form, body, make));
   const campaign = await make("campaign", `structures/${structure}/campaigns`);
@@ -319,13 +306,9 @@ async function addExample({ dataset }) {
   await ended(`imports/${id}`, "Reading the FRFs");
   leave(`ui/update-jobs/${await make(`campaigns/${test}/update-jobs`, recipe)}`);
 }
+/* Enter in a mapping sends the test. */
 document.addEventListener("submit", (event) => {
-  const form = event.target;
-  if ("example" in form.dataset) {
-    event.preventDefault();
-    submitted(form, () => addExample(form));
-  }
-  if (!("newTest" in form.dataset) && !("mapping" in form.dataset)) return;
+  if (!("mapping" in event.target.dataset)) return;
   event.preventDefault();
-  submitted(newForm(), () => newTest(newForm()));
+  newForm().requestSubmit();
 });

@@ -13,34 +13,32 @@ const css = (name) => getComputedStyle(document.documentElement).getPropertyValu
 const tell = (name, detail) => document.dispatchEvent(new CustomEvent(name, { detail }));
 const hear = (name, does) => document.addEventListener(name, ({ detail }) => does(detail));
 
+/* An element with its properties, and what is in it. */
+const made = (tag, properties = {}, ...inside) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...inside);
+  return element;
+};
 /* A line at the bottom; with what takes back what it tells of. */
 function say(text, undo = null) {
   const place = document.getElementById("say");
   place.textContent = text;
   if (!undo) return;
-  const button = Object.assign(document.createElement("button"), { textContent: "Undo" });
-  button.addEventListener("click", () => {
+  const onclick = () => {
     place.textContent = "";
     undo();
-  });
-  place.append(button);
+  };
+  place.append(made("button", { onclick }, "Undo"));
 }
 /* Whether somebody agrees; Escape and the first button are no. */
 function agreed(question, yes = "Yes") {
-  const dialog = document.createElement("dialog");
-  const actions = Object.assign(document.createElement("form"), {
-    className: "actions",
-    method: "dialog",
-  });
-  actions.append(
-    ...[
-      ["Cancel", "plain", ""],
-      [yes, "", "yes"],
-    ].map(([textContent, className, value]) =>
-      Object.assign(document.createElement("button"), { textContent, className, value }),
-    ),
+  const actions = made(
+    "form",
+    { className: "actions", method: "dialog" },
+    made("button", { className: "plain", value: "" }, "Cancel"),
+    made("button", { value: "yes" }, yes),
   );
-  dialog.append(question, actions);
+  const dialog = made("dialog", {}, question, actions);
   document.body.append(dialog);
   dialog.showModal();
   return new Promise((done) => {
@@ -162,16 +160,12 @@ function openWork() {
   const phone = document.querySelector(".phone");
   phone.append(
     ...panes.map((pane) => {
-      const button = Object.assign(document.createElement("button"), {
-        className: "tool",
-        textContent: pane.dataset.pane,
-        value: pane.dataset.pane,
-      });
-      button.addEventListener("click", () => {
+      const { pane: value } = pane.dataset;
+      const onclick = () => {
         if (work.hidden) location.hash = "";
         seePane(pane);
-      });
-      return button;
+      };
+      return made("button", { className: "tool", value, onclick }, value);
     }),
   );
   seePane(panes[0]);
@@ -187,11 +181,8 @@ class Sheet {
     table.sheet = this;
     [...table.tHead.rows[0].cells].forEach((head, column) => {
       if (!head.textContent.trim()) return;
-      const button = document.createElement("button");
-      button.className = "sort";
-      button.append(...head.childNodes);
-      head.append(button);
-      button.addEventListener("click", () => this.sort(head, column));
+      const onclick = () => this.sort(head, column);
+      head.append(made("button", { className: "sort", onclick }, ...head.childNodes));
     });
     this.body.addEventListener("click", (event) => {
       const row = event.target.closest("tr[aria-selected]");
@@ -293,10 +284,7 @@ document.addEventListener("click", async ({ target }) => {
     );
 });
 function save(blob, download) {
-  const link = Object.assign(document.createElement("a"), {
-    href: URL.createObjectURL(blob),
-    download,
-  });
+  const link = made("a", { href: URL.createObjectURL(blob), download });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }

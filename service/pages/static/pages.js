@@ -155,75 +155,57 @@ async function submitted(form, work) {
   else again(); // a browser may bring the page back as it was
 }
 
+/* What a form does that says so; a button sends nothing twice, and faults stand in the form. */
+const WORK = {
+  async post(form) {
+    const { post, empty, method = "POST", showKey, showSecret, then } = form.dataset;
+    const body = bodyOf(form);
+    const path = post.replace(/\{(\w+)\}/g, (_, name) => {
+      delete body[name];
+      return encodeURIComponent(form.elements[name].value.trim());
+    });
+    const bare = empty !== undefined && !post.endsWith("/runs");
+    const made = bare ? await call("POST", path) : await send(method, path, body);
+    const once = showKey !== undefined ? made.key : showSecret !== undefined && made.secret;
+    if (once)
+      form.querySelector("output").textContent = `${once} – this is shown once; keep it now.`;
+    else goOn(then, made);
+  },
+  read: (form) => ("again" in form.dataset ? lookAgain(form, []) : readSo(form)),
+  async points(form) {
+    await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] });
+    leave();
+  },
+  async deck(form) {
+    await sendDeck(form, form.dataset.deck);
+    leave();
+  },
+  async delete({ dataset: { delete: path, confirm, then } }, button) {
+    if (confirm && !(await agreed(confirm, button?.textContent))) return;
+    await call("DELETE", path);
+    if (KEPT.test(path)) sessionStorage.setItem("deleted", path);
+    goOn(then);
+  },
+  async signIn(form) {
+    const key = form.elements.key.value.trim();
+    await call("POST", "session", undefined, { Authorization: "Bearer " + key });
+    const next = new URLSearchParams(location.search).get("next") ?? "ui/";
+    leave(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/");
+  },
+  newTest,
+  example: addExample,
+};
 document.addEventListener("submit", (event) => {
-  const form = event.target;
-  if (form.dataset.post) {
-    event.preventDefault();
-    submitted(form, async () => {
-      const path = form.dataset.post.replace(/\{(\w+)\}/g, (_, name) =>
-        encodeURIComponent(form.elements[name].value.trim()),
-      );
-      const body = bodyOf(form);
-      for (const [, name] of form.dataset.post.matchAll(/\{(\w+)\}/g)) delete body[name];
-      const made =
-        "empty" in form.dataset && !form.dataset.post.endsWith("/runs")
-          ? await call("POST", path)
-          : await send(form.dataset.method ?? "POST", path, body);
-      if ("showKey" in form.dataset)
-        form.querySelector("output").textContent = `${made.key} – this is shown once; keep it now.`;
-      else if ("showSecret" in form.dataset)
-        form.querySelector("output").textContent =
-          `${made.secret} – the secret is shown once; keep it now.`;
-      else goOn(form.dataset.then, made);
-    });
-  } else if (form.dataset.read) {
-    event.preventDefault();
-    submitted(form, () => ("again" in form.dataset ? lookAgain(form, []) : readSo(form)));
-  } else if (form.dataset.points) {
-    event.preventDefault();
-    submitted(form, async () => {
-      await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] });
-      leave();
-    });
-  } else if ("deck" in form.dataset) {
-    event.preventDefault();
-    submitted(form, async () => {
-      await sendDeck(form, form.dataset.deck);
-      leave();
-    });
-  } else if (form.dataset.delete) {
-    event.preventDefault();
-    const { delete: path, confirm, then } = form.dataset;
-    Promise.resolve(!confirm || agreed(confirm, event.submitter?.textContent)).then((yes) => {
-      if (!yes) return;
-      submitted(form, async () => {
-        await call("DELETE", path);
-        if (KEPT.test(path)) sessionStorage.setItem("deleted", path);
-        goOn(then);
-      });
-    });
-  } else if ("signIn" in form.dataset) {
-    event.preventDefault();
-    submitted(form, async () => {
-      await call("POST", "session", undefined, {
-        Authorization: "Bearer " + form.elements.key.value.trim(),
-      });
-      const next = new URLSearchParams(location.search).get("next") ?? "ui/";
-      leave(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/");
-    });
-  } else if ("filter" in form.dataset) {
-    event.preventDefault();
-    const said = [...new FormData(form)].filter(([, value]) => value !== "");
-    location.assign("?" + new URLSearchParams(said));
-  } else if ("choose" in form.dataset) {
-    event.preventDefault();
-    const chosen = [...new FormData(form)].filter(([, value]) => value);
-    const to = new URL(
-      event.submitter?.getAttribute("formaction") ?? form.getAttribute("action"),
-      location.href,
-    );
-    if (chosen.length > 1) location.assign(to + "?" + new URLSearchParams(chosen));
-    else say("Choose at least two to compare.");
+  const { target: form, submitter } = event;
+  const name = Object.keys(WORK).find((each) => each in form.dataset);
+  const chosen = [...new FormData(form)].filter(([, value]) => value !== "");
+  if (!name && !("filter" in form.dataset || "choose" in form.dataset)) return;
+  event.preventDefault();
+  if (name) submitted(form, () => WORK[name](form, submitter));
+  else if ("choose" in form.dataset && chosen.length < 2) say("Choose at least two to compare.");
+  else {
+    const to = submitter?.getAttribute("formaction") ?? form.getAttribute("action") ?? "";
+    location.assign(to + "?" + new URLSearchParams(chosen));
   }
 });
 

@@ -7,12 +7,7 @@ const three = (value) => Number(value.toPrecision(3));
 const inLaboratory = (name, value) =>
   /^[EG]/.test(name) ? `${three(value / 1e9)} GPa` : String(three(value));
 
-function cell(tag, text, kind = "") {
-  const made = document.createElement(tag);
-  made.textContent = text;
-  made.className = kind;
-  return made;
-}
+const cell = (tag, text, className = "") => made(tag, { className }, text);
 function rowOf(item, names) {
   const line = document.createElement("tr");
   const points = document.createElement("details");

@@ -54,12 +54,7 @@ function showUnderstood(input) {
   const read = input.value.trim() ? UNDERSTOOD.get(questionOf(input)) : {};
   let below = input.parentElement.querySelector(":scope > .understood");
   if (!below)
-    input.after(
-      (below = Object.assign(document.createElement("small"), {
-        className: "understood",
-        role: "status",
-      })),
-    );
+    input.after((below = made("small", { className: "understood", role: "status" })));
   below.textContent = read?.fault ?? (read?.words ? `= ${read.words}` : "");
   below.classList.toggle("wrong", Boolean(read?.fault));
   input.setCustomValidity(read?.fault ?? "");
