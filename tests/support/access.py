@@ -396,6 +396,10 @@ class Round:
             own["record_id"] = posted(self.owner, f"campaigns/{campaign}/records", record())[
                 "items"
             ][0]["id"]
+        elif name.startswith("DELETE /attachments"):
+            own["attachment_id"] = posted(
+                self.owner, f"campaigns/{own['campaign_id']}/attachments", content=b"", headers=RAW
+            )["id"]
         elif name.startswith("DELETE /searches"):
             body = {"project": own["project_id"], "name": str(uuid4()), "noun": "frfs"}
             own["search_id"] = posted(self.owner, "searches", body)["id"]

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from uuid import UUID
 
-from sqlalchemy import ForeignKey, Index, select, text
+from sqlalchemy import ForeignKey, FromClause, Index, func, select, text
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from service.platform.db.base import Base, Big, Identified
@@ -76,9 +76,9 @@ def attached_to(session: Session, **among: Iterable[UUID]) -> Sequence[Attachmen
 
 def beside_projects(session: Session, project_ids: Iterable[UUID]) -> Sequence[Attachment]:
     """What is beside projects themselves, oldest first, whoever asks."""
-    alone = (getattr(Attachment, column).is_(None) for column in OWNERS)
+    empty = (getattr(Attachment, column).is_(None) for column in OWNERS)
     its = Attachment.project_id.in_(set(project_ids))
-    return session.scalars(select(Attachment).where(its, *alone).order_by(Attachment.id)).all()
+    return session.scalars(select(Attachment).where(its, *empty).order_by(Attachment.id)).all()
 
 
 def photos_of(
@@ -92,3 +92,20 @@ def photos_of(
         row for column, key in beside.items() for row in attached_to(session, **{column: [key]})
     )
     return [row for row in rows if row.media_type in PHOTOS]
+
+
+def present_attachments() -> FromClause:
+    """Those of what is not deleted, for a search."""
+    tables = Base.metadata.tables
+    attached = tables["attachments"]
+    campaign, structure, monitor = (
+        tables[name].alias() for name in ("campaigns", "structures", "monitors")
+    )
+    own = func.coalesce(attached.c.structure_id, campaign.c.structure_id, monitor.c.structure_id)
+    joined = (
+        attached.outerjoin(campaign, attached.c.campaign_id == campaign.c.id)
+        .outerjoin(monitor, attached.c.monitor_id == monitor.c.id)
+        .outerjoin(structure, structure.c.id == own)
+    )
+    there = (one.c.deleted_at.is_(None) for one in (campaign, structure, monitor))
+    return select(attached).select_from(joined).where(*there).subquery()

@@ -78,18 +78,20 @@ def _payer(session: Session, row: Attachment) -> tuple[Lookup[Any], Any]:
     return projects, projects.row(session, row.project_id)
 
 
-def _found_among(column: str, owner: Lookup[Any] | None) -> Lookup[Attachment]:
-    own = getattr(Attachment, column).is_not(None) if owner is not None else None
-    alone = and_(*(getattr(Attachment, each).is_(None) for each in OWNERS))
-    return Lookup(Attachment, "attachment", column, owner, among=alone if own is None else own)
+def _beside(column: str, owner: Lookup[Any] | None) -> Lookup[Attachment]:
+    if owner is not None:
+        own = getattr(Attachment, column).is_not(None)
+    else:  # of a project itself
+        own = and_(*(getattr(Attachment, each).is_(None) for each in OWNERS))
+    return Lookup(Attachment, "attachment", column, owner, among=own)
 
 
 OF = {
-    "project_id": _found_among("project_id", None),
-    "structure_id": _found_among("structure_id", structure_for),
-    "campaign_id": _found_among("campaign_id", campaign_for),
-    "update_job_id": _found_among("update_job_id", update_job_for),
-    "monitor_id": _found_among("monitor_id", monitor_for),
+    "project_id": _beside("project_id", None),
+    "structure_id": _beside("structure_id", structure_for),
+    "campaign_id": _beside("campaign_id", campaign_for),
+    "update_job_id": _beside("update_job_id", update_job_for),
+    "monitor_id": _beside("monitor_id", monitor_for),
 }
 """How the attachments of each noun are found: with the rights of what they are beside."""
 

@@ -13,7 +13,7 @@ from sqlalchemy import ColumnElement, Double, FromClause, and_, func, select
 from fecore.frf import Quantity
 from fecore.quantities import quantity_of
 from fecore.trend import State
-from service.nouns.attachments.operations import WORDS as ATTACHMENT_WORDS
+from service.nouns.attachments import operations as attachments
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.nouns.campaigns.schemas import Boundary
@@ -25,7 +25,6 @@ from service.nouns.search.fields import Field, Noun
 from service.nouns.search.uses import at_response, covers, sensors, used_instruments
 from service.nouns.structures.operations import WORDS as STRUCTURE_WORDS
 from service.nouns.updates.result_schemas import CONSTANTS, Level
-from service.platform.db.base import Base
 
 Value = Callable[[FromClause], ColumnElement[Any]]
 
@@ -114,24 +113,6 @@ def _other_constant(name: str) -> Field | None:
         nullable=True,
         sd=f"{base}_sd",
     )
-
-
-def _attachments() -> FromClause:
-    """Those of what is not deleted."""
-    tables = Base.metadata.tables
-    attached = tables["attachments"]
-    campaign, structure, monitor = (
-        tables[name].alias() for name in ("campaigns", "structures", "monitors")
-    )
-    of_campaign = attached.c.campaign_id == campaign.c.id
-    own = func.coalesce(attached.c.structure_id, campaign.c.structure_id, monitor.c.structure_id)
-    joined = (
-        attached.outerjoin(campaign, of_campaign)
-        .outerjoin(monitor, attached.c.monitor_id == monitor.c.id)
-        .outerjoin(structure, structure.c.id == own)
-    )
-    there = (one.c.deleted_at.is_(None) for one in (campaign, structure, monitor))
-    return select(attached).select_from(joined).where(*there).subquery()
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
@@ -429,20 +410,15 @@ _ALL = (
             Field("media_type", "text", "by its content"),
             Field("size", "whole", "bytes"),
             *(
-                Field(
-                    f"{noun}_id",
-                    "id",
-                    f"of the {noun.replace('_', ' ')} that it is beside",
-                    nullable=True,
-                )
-                for noun in ("structure", "campaign", "update_job", "monitor")
+                Field(each, "id", "of what it is beside", nullable=True)
+                for each in attachments.OWNERS
             ),
             CREATED,
         ),
         shown=("id", "name", "caption", "project.name", "size", "created_at"),
         facets=("media_type", "project.name"),
-        words=ATTACHMENT_WORDS,
-        made=_attachments,
+        words=attachments.WORDS,
+        made=attachments.present_attachments,
     ),
 )
 
