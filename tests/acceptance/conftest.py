@@ -13,10 +13,8 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def running() -> Iterator[Browser]:
-    """A browser of a module's own: one that is open keeps an event loop, which other modules' tests
-    begin themselves.
-    """
+    """The browser of all tests; each has a context of its own."""
     with browser() as found:
         yield found

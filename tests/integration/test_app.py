@@ -1,6 +1,5 @@
 """The API as a client meets it: problems, limits, health, documentation without internet."""
 
-import asyncio
 import hashlib
 import json
 import re
@@ -21,7 +20,7 @@ from service.platform.access.keys import create_key, user_named
 from service.platform.settings import Settings
 from service.platform.web.openapi import undescribed
 from tests.support.rest import campaigns_of
-from tests.support.waiting import until
+from tests.support.waiting import completed, until
 
 JSON = {"Content-Type": "application/json"}
 
@@ -315,7 +314,7 @@ def answers_of(app: FastAPI, key: str, *paths: str) -> list[httpx.Response]:
         ) as client:
             return [await client.get(path) for path in paths]
 
-    return asyncio.run(ask())
+    return completed(ask())
 
 
 def test_without_a_database_503_and_nothing_of_how_it_is_reached(

@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 from uuid import uuid4
 
-import anyio
 import httpx
 import pytest
 from sqlalchemy import text
@@ -17,7 +16,7 @@ from service.platform.db.engine import make_engine
 from service.platform.queue.events import Changes
 from service.platform.settings import Settings
 from tests.support.rest import ok
-from tests.support.waiting import until
+from tests.support.waiting import completed, until
 
 NOWHERE = "postgresql://nobody@127.0.0.1:1/nothing"
 
@@ -114,7 +113,7 @@ def events_of_a_deaf_api(
         ) as client:
             return await client.get(f"update-jobs/{job}/events")
 
-    answer = anyio.run(watched)
+    answer = completed(watched())
     app.state.engine.dispose()
     return answer
 

@@ -19,6 +19,7 @@ from service.platform.web import middleware
 from tests.support.crowd import at_once, statuses, with_crowd
 from tests.support.heavy_load import load
 from tests.support.rest import campaigns_of, client_of, ok
+from tests.support.waiting import completed
 
 SLOTS, QUEUE = 4, 20
 
@@ -70,7 +71,7 @@ def test_one_key_in_a_hurry_does_not_hold_up_another(narrow: LocalService) -> No
         answered = [await client.get("projects", headers=own) for _ in range(10)]
         return answered, await asyncio.gather(*pressing)
 
-    answered, pressed = asyncio.run(with_crowd(narrow, hasty, crowd))
+    answered, pressed = completed(with_crowd(narrow, hasty, crowd))
     assert statuses(answered) == {200: 10}
     assert 429 in statuses(pressed)
 
@@ -109,7 +110,7 @@ def test_many_streams_of_events_hold_nothing_up(
         health = await client.get(f"{service.url}/healthz")
         return await asyncio.gather(*watching), [*lists, health]
 
-    stories, answers = asyncio.run(with_crowd(service, key, crowd))
+    stories, answers = completed(with_crowd(service, key, crowd))
     assert statuses(answers) == {200: 31}
     assert all('"status": "failed"' in story for story in stories)
 

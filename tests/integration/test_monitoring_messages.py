@@ -2,7 +2,6 @@
 are not allowed.
 """
 
-import asyncio
 import base64
 import json
 import ssl
@@ -37,7 +36,7 @@ from tests.support.receivers import (
     receiver,
     signature_holds,
 )
-from tests.support.waiting import until
+from tests.support.waiting import completed, until
 
 LOOPBACK = Settings(
     webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05
@@ -249,7 +248,7 @@ def test_the_connection_goes_to_the_address_that_was_checked(
     delivery = planted(sessions, f"http://receiver.example:{port}/hook")
     with sessions() as session:
         webhook = session.scalars(select(Webhook)).one()
-    assert asyncio.run(send(delivery, To(webhook.url, webhook.secret), LOOPBACK)).error is None
+    assert completed(send(delivery, To(webhook.url, webhook.secret), LOOPBACK)).error is None
     assert hook.got[0][0]["host"] == f"receiver.example:{port}"
 
 

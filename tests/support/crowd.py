@@ -9,7 +9,7 @@ import httpx
 
 from service.app.supervisor import LocalService
 from tests.support.rest import ONCE
-from tests.support.waiting import PATIENCE
+from tests.support.waiting import PATIENCE, completed
 
 Result = TypeVar("Result")
 
@@ -34,7 +34,7 @@ def at_once(service: LocalService, key: str, path: str, count: int) -> list[http
     async def work(client: httpx.AsyncClient) -> list[httpx.Response]:
         return await asyncio.gather(*[client.get(path) for _ in range(count)])
 
-    return asyncio.run(with_crowd(service, key, work))
+    return completed(with_crowd(service, key, work))
 
 
 def statuses(answers: list[httpx.Response]) -> Counter[int]:

@@ -20,6 +20,7 @@ import psutil
 from service.app.supervisor import LocalService
 from service.pages.example import paper
 from tests.support.rest import ONCE, RAW, campaigns_of, client_of, posted
+from tests.support.waiting import completed
 
 SHARES = {"list": 0.8, "FRF": 0.12, "upload": 0.06, "job": 0.02}
 ALONE = 100  # lists of one client alone
@@ -65,7 +66,7 @@ def load(
     """
     found = Load()
     crowd = _Crowd(service, [_furnished(service, number) for number in range(keys)], found, pause)
-    asyncio.run(crowd.run(clients, streams, seconds, SEED))
+    completed(crowd.run(clients, streams, seconds, SEED))
     return found
 
 

@@ -4,7 +4,8 @@ else works on it.
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from functools import wraps
 from typing import Any, TypeVar
 
@@ -49,12 +50,22 @@ def until(
     return found
 
 
-def awaited(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+def completed(
+    work: Coroutine[Any, Any, T], run: Callable[[Coroutine[Any, Any, T]], T] = asyncio.run
+) -> T:
+    """What a coroutine gives, in a loop and a thread of its own: a browser that is open keeps the
+    loop of this one.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(run, work).result()
+
+
+def awaited(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
     """A test that is a coroutine, in a loop of its own."""
 
     @wraps(test)
     def run(*given: Any, **named: Any) -> None:
-        asyncio.run(test(*given, **named))
+        completed(test(*given, **named))
 
     return run
 

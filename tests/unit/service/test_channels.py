@@ -1,6 +1,5 @@
 """Every channel of alarms is whole: listed, with its check and send, and documented."""
 
-import asyncio
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -15,6 +14,7 @@ from service.nouns.notifications.channels import CHANNELS, OF_MONITORS
 from service.nouns.notifications.channels.channel import Channel, Receiver
 from service.nouns.notifications.tables import Delivery
 from service.platform.settings import Settings
+from tests.support.waiting import completed
 
 DOCUMENT = Path(__file__).parents[3] / "docs/monitoring.md"
 BODY = '{"timestamp": "2026-01-02T03:04:05+00:00", "data": {"structure": {"name": "s", "id": "1"}, '
@@ -49,5 +49,5 @@ def test_a_channel_refuses_and_never_raises(channel: Channel) -> None:
     with pytest.raises(AddressError):
         channel.check("no address", Settings())
     delivery = Delivery(message_id="msg_1", event="monitor.no_data", body=BODY)
-    outcome = asyncio.run(channel.send(delivery, Receiver("no address"), Settings()))
+    outcome = completed(channel.send(delivery, Receiver("no address"), Settings()))
     assert outcome.error

@@ -1,6 +1,5 @@
 """What jobs compute, without queue and database: spectra, frames, plies, files, hits, memory."""
 
-import asyncio
 import json
 import os
 import tempfile
@@ -44,6 +43,7 @@ from service.tasks.process.compute import process_records
 from service.tasks.update.compute import LoadedCampaign, Together, UpdateInputs, compute_update
 from tests.corpus.updates import BEAM, measured
 from tests.support.uff import axis, dataset, function
+from tests.support.waiting import completed
 
 
 @settings(max_examples=50)
@@ -278,7 +278,7 @@ def multipart_request(**fields: str) -> Request:
 
 def test_a_curve_has_no_more_bytes_than_a_json_body() -> None:
     with pytest.raises(PayloadTooLarge, match="the file has 40 bytes, the operator allows 30"):
-        asyncio.run(bodies._curve(multipart_request(coupon=json.dumps({})), 30))
+        completed(bodies._curve(multipart_request(coupon=json.dumps({})), 30))
 
 
 # --- a processing of records as the child process runs it

@@ -36,6 +36,7 @@ from service.platform.settings import Settings
 from service.platform.web.middleware import RequestMiddleware
 from service.platform.web.routing import _require_json
 from service.tasks.update.batches import _placed
+from tests.support.waiting import completed
 
 
 def test_faults_of_a_batch_are_placed_in_its_job() -> None:
@@ -135,7 +136,7 @@ def test_an_unexpected_error_is_a_problem_unless_half_an_answer_is_out(begun: bo
 
     scope = {"type": "http", "method": "GET", "path": "/", "headers": [], "app": None}
     with pytest.raises(ZeroDivisionError) if begun else nullcontext():
-        asyncio.run(RequestMiddleware(app)(scope, None, send))
+        completed(RequestMiddleware(app)(scope, None, send))
     assert sent[0]["status"] == (200 if begun else 500)
 
 
@@ -166,7 +167,7 @@ def test_a_workers_end_does_not_wait_for_what_it_left() -> None:
         await asyncio.sleep(0)
 
     tasks: list[Any] = []
-    run_to_end(work())
+    completed(work(), run_to_end)
     assert left == ["cancelled"]
 
 

@@ -12,7 +12,7 @@ from service.platform.errors import Invalid, NotAcceptable, TooManyRequests, Too
 from service.platform.web import uploads
 from service.platform.web.admission import SLOT, AdmissionControl, Buckets, Slot, without_slot
 from service.platform.web.negotiation import choose_format
-from tests.support.waiting import awaited, settle
+from tests.support.waiting import awaited, completed, settle
 
 
 @awaited
@@ -209,7 +209,7 @@ def received(receive: Receive) -> tuple[bytes, bytes, bool]:
         assert path is None or not path.exists()
         return whole, body.sha256, path is not None
 
-    return asyncio.run(run())
+    return completed(run())
 
 
 @pytest.mark.parametrize("size", [0, 1, uploads.MEMORY_BYTES, uploads.MEMORY_BYTES + 1, LIMIT])
