@@ -16,7 +16,7 @@ PATIENCE = 300.0
 small part of them.
 """
 
-SOON, SHARE, SELDOM = 0.04, 0.2, 0.5
+SOON, SHARE, SELDOM = 0.06, 0.35, 0.7
 """Seconds until the next look, share of the time waited so far beside them, and most of both: who
 asks a service again and again takes its processor from what is waited for.
 """
