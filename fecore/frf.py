@@ -91,11 +91,11 @@ class FrfSet:
     quantity: Quantity = "accelerance"  # what kind of FRF all of them are
     # (N, L) variance of the complex noise E|n|² of each value, NaN or None where it is not known
     variance: FloatArray | None = None
+    # (N, L) where a value was measured; all of them by default. Elsewhere a value means nothing.
+    measured: BoolArray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
     # (N, L) what each value grows by where a hit is harder by the scatter (1 sd of ln) of the hits,
     # NaN or None where it is not known
     growth: ComplexArray | None = None
-    # (N, L) where a value was measured; all of them by default. Elsewhere a value means nothing.
-    measured: BoolArray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
 
     def __post_init__(self) -> None:
         if self.measured.size == 0:

@@ -39,7 +39,7 @@ QUANTITIES = {power: quantity for quantity, power in POWER_OF_I_OMEGA.items()}
 _PARTS, _LOWEST, _WIDE = 12, 30.0, 2.0
 # standard deviations of the slope and of ln of the size of two FRFs of one structure; what a wrong
 # unit, and a wrong quantity, are less likely than none (twice the logarithm of the odds)
-_SLOPE_SD, _SIZE_SD, _UNIT, _SURE = 0.3, np.log(3.0), 9.0, 9.0
+SLOPE_SD, _SIZE_SD, _UNIT, SURE = 0.3, np.log(3.0), 9.0, 9.0
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ def other_quantities(arrangement: Arrangement) -> dict[int, tuple[int, float]]:
             continue
         slope = float(off @ own / (off @ off))
         rest = own - own.mean() - slope * off
-        variance = float(rest @ rest / max(x.size - 2, 1) / (off @ off)) + _SLOPE_SD**2
+        variance = float(rest @ rest / max(x.size - 2, 1) / (off @ off)) + SLOPE_SD**2
         turned = np.vdot(total - phase, phase).real < 0
         misfits = {
             p: (slope - p) ** 2 / variance + ((own.mean() - p * x.mean()) / _SIZE_SD) ** 2
@@ -264,7 +264,7 @@ def other_quantities(arrangement: Arrangement) -> dict[int, tuple[int, float]]:
         }
         best = min(misfits, key=lambda p: misfits[p])
         none = slope**2 / variance + min((own.mean() / _SIZE_SD) ** 2, _UNIT)
-        if misfits[best] + _SURE < none and best:
+        if misfits[best] + SURE < none and best:
             others[int(row)] = best, float(np.exp(own.mean()))
     return others
 

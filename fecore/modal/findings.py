@@ -141,7 +141,7 @@ OF_MODES = {
         f"{_MODE}: damping is known to ± {{percent:.0f}} % only", "", _MODE
     ),
     "not_linear": remark(
-        "the frequency at {hz:.2f} Hz {moves} by {percent:.2g} % in hits harder by one standard"
+        "the frequency at {hz:.2f} Hz {way} by {percent:.2g} % in hits harder by one standard"
         " deviation of the hits: a spring or joint that is not linear; its interval reaches what"
         " small hits would show",
         "hit as softly as the noise allows, and all alike",
@@ -173,6 +173,13 @@ OF_MODES = {
         " {how}: {true} stated as {stated}, larger or smaller by ω²",
         "state the quantity at import",
         "driving point {frf}",
+    ),
+    "quantity_of_all": remark(
+        "the modal constants of all FRFs {how}, which those of a structure hardly do: {true} stated as"
+        " {stated}, in the middle of the modes {times:.2g} times as large? Frequencies and damping hold,"
+        " no modal mass",
+        "state the quantity at import",
+        "the modal constants of all FRFs",
     ),
     "outliers": remark(
         "{frf}: {lines} left out, far off what the other lines say", subject="{frf}"

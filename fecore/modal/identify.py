@@ -204,8 +204,8 @@ def identify(
     # 11. Judge.
     report("judging the poles", 0.9)
     searched = time.perf_counter()
-    grown = fit.growth(arrangement)
-    evidence = evidence_of(arrangement, fit, grown)
+    growth = fit.growth(arrangement)
+    evidence = evidence_of(arrangement, fit, growth)
     verdict = judge(arrangement, fit, evidence, options.threshold, by_hand)
     if not free.all():  # the others are judged by the fit that had them
         before = judge(arrangement, series, evidence_of(arrangement, series), options.threshold)
@@ -223,11 +223,11 @@ def identify(
         np.log(fit.terms.frequency_hz / start.frequency_hz),
         fit.terms.damping_ratio - start.damping_ratio,
     )
-    shift = None if grown is None else grown.shift
+    shift = None if growth is None else growth.shift
     errors = ErrorModel(tau, arrangement.session, shared, np.concatenate(changes), shift)
     fit = replace(fit, errors=errors)
     fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
-    of_heights = moved_by_height(fit, verdict.kept)
+    not_linear = moved_by_height(fit, verdict.kept)
     significance = fit.gains / (fit.pole_price * fit.memory)
     # 12. Separate.
     fit, old, separated = separate_close_modes(arrangement, fit, verdict.kept)
@@ -286,7 +286,7 @@ def identify(
             *separated,
             *(finding("pole_stated", hz=f[k], p=verdict.probability[k]) for k in verdict.stated),
             *of_modes,
-            *of_heights,
+            *not_linear,
             *of_outliers,
             *(
                 [finding("residual_large", times=np.sqrt(ratio))]

@@ -41,7 +41,7 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.modal.arrangement import MANY, Arrangement
-from fecore.modal.judge import HARDLY, plausible
+from fecore.modal.judge import HARDLY, Growth, plausible
 from fecore.modal.series import (
     DAMPING_RANGE,
     NEAR,
@@ -90,14 +90,6 @@ OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
 
 _STILL = 0.05  # correlation below which the sum ends
 _CAP = 3.0  # standard deviations
-
-
-@dataclass(frozen=True)
-class Growth:
-    """What hits change that are harder by one standard deviation of the hits' heights."""
-
-    shift: FloatArray  # (parameters,) of ln ω and ζ
-    residue: FloatArray  # (n,) relative change of the residues beyond noise, rms over the FRFs
 
 
 @dataclass(frozen=True)

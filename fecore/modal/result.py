@@ -12,7 +12,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.findings import Finding, texts
 from fecore.frf import Quantity
-from fecore.modal.arrangement import CLEAR, Arrangement
+from fecore.modal.arrangement import CLEAR, FEW, QUANTITIES, SLOPE_SD, SURE, Arrangement
 from fecore.modal.candidates import LinearPoles
 from fecore.modal.findings import finding, lines_in_words
 from fecore.modal.judge import Evidence, Feature, RefusedPole
@@ -290,6 +290,7 @@ def remarks(
             if two[k]
         ),
         *_driving_points(arrangement, fit, kept),
+        *_quantity_of_all(arrangement, fit, kept),
     ]
 
 
@@ -333,7 +334,7 @@ def moved_by_height(fit: PoleFit, kept: IntArray) -> list[Finding]:
         finding(
             "not_linear",
             hz=f[k],
-            moves="falls" if shift[k] < 0 else "rises",
+            way="falls" if shift[k] < 0 else "rises",
             percent=100 * abs(shift[k]),
         )
         for k in kept
@@ -396,6 +397,27 @@ def _driving_points(arrangement: Arrangement, fit: PoleFit, kept: IntArray) -> l
                 )
             )
     return notes
+
+
+def _quantity_of_all(arrangement: Arrangement, fit: PoleFit, kept: IntArray) -> Iterator[Finding]:
+    """That all FRFs are another quantity than stated, where no driving point shows it: the modal
+    constants of a structure are about as large at high frequencies as at low ones, and a wrong ω² is
+    their slope.
+    """
+    if any(a == b for a, b in arrangement.pairs) or kept.size < FEW:
+        return
+    pole = fit.terms.poles[kept]
+    size = np.log(np.linalg.norm(fit.residues[:, kept] * pole.imag, axis=0))
+    x = np.log(np.abs(pole))
+    off = x - x.mean()
+    slope = off @ size / (off @ off)
+    rest = size - size.mean() - slope * off
+    variance = rest @ rest / (x.size - 2) / (off @ off) + SLOPE_SD**2
+    for p, how in ((-2, "fall with 1/ω²"), (2, "rise with ω²")):
+        true = QUANTITIES.get(arrangement.power + p)
+        if true and slope**2 - (slope - p) ** 2 > SURE * variance:
+            times, stated = np.exp(p * x.mean()), arrangement.quantity
+            yield finding("quantity_of_all", how=how, true=true, stated=stated, times=times)
 
 
 def _other_quantity(

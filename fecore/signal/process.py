@@ -205,7 +205,7 @@ def _averages(
             tuple(point.force for point, _, _ in rows for _ in point.responses),
             FRF_QUANTITY[spectra.quantity],
             np.array([estimate.variance for estimate in every]),
-            np.array([estimate.growth for estimate in every]),
+            growth=np.array([estimate.growth for estimate in every]),
         ),
         coherence=np.array([estimate.coherence for estimate in every]),
         hits=np.array([estimate.hits for estimate in every]),

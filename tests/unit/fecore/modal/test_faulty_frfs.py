@@ -151,3 +151,12 @@ def test_an_frf_of_quite_another_scale_is_named_with_the_one_it_is_judged_by(goo
     (refused,) = screen(replace(good, values=loud)).refused
     assert refused.frf == "33Z/8Z"
     assert re.match(r"is \S+e\+\d\d times as large as most FRFs: another unit", refused.reason)
+
+
+def test_modal_constants_tell_that_all_frfs_are_another_quantity() -> None:
+    frfs = paper_frfs(0.01, 0)
+    pairs = zip(frfs.responses, frfs.references, strict=True)
+    right = frfs.select([row for row, (a, b) in enumerate(pairs) if a.point != b.point])
+    wrong = replace(right.to_quantity("receptance"), quantity="accelerance")
+    kinds = [[each.kind for each in identify(frfs).notes] for frfs in (right, wrong)]
+    assert [each.count("quantity_of_all") for each in kinds] == [0, 1]
