@@ -204,7 +204,7 @@ def _averages(
             tuple(dof for point, _, _ in rows for dof in point.responses),
             tuple(point.force for point, _, _ in rows for _ in point.responses),
             FRF_QUANTITY[spectra.quantity],
-            np.array([estimate.variance for estimate in every]),
+            variance=np.array([estimate.variance for estimate in every]),
             growth=np.array([estimate.growth for estimate in every]),
         ),
         coherence=np.array([estimate.coherence for estimate in every]),

@@ -87,6 +87,9 @@ def _members(row: object, *names: str) -> dict[str, Any]:
     )
 
 
+_OF_RUN = ("revision", "state", "message", "update_job_id", "job_id", "software")
+
+
 def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
     runs = latest_runs(session, series)
     shown = []
