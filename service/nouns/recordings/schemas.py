@@ -74,8 +74,8 @@ class RecordingOut(StrictModel):
     mapping: dict[str, Any] = Field(description="by which the file is read")
     sample_rate_hz: float
     samples: int = Field(description="of each channel")
-    length_s: float
-    channels: list[RecordedChannel]
-    file_sha256: str
+    length_s: float = Field(description="how long it is")
+    channels: list[RecordedChannel] = Field(description="one of each sensor")
+    file_sha256: str = Field(description="of the file's bytes")
     spectra: SpectraOut | None = Field(description="null until a processing has made them")
     created_at: datetime

@@ -361,6 +361,7 @@ TAGS: list[tuple[str, str]] = [
             " number."
         ),
     ),
+    ("attachments", "Photos, drawings and notes beside what they show."),
     ("webhooks", "Messages of jobs and alarms to other systems, signed."),
     ("keys", "Keys, sessions of browsers, and who did what."),
     ("purge", "Remove for good what was deleted before."),
