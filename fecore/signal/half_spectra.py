@@ -76,17 +76,19 @@ class HalfSpectra(BlockSpectra):
         """
         return np.linalg.svd(self.crosses.transpose(2, 0, 1), compute_uv=False).T
 
-    def deflection(self, frequency_hz: float) -> tuple[float, Dof, ComplexArray]:
+    def deflection(self, frequency_hz: float | None = None) -> tuple[float, Dof, ComplexArray]:
         """Operating deflection shape at a line: what all sensors do there together,
         S_ir / √S_rr with the reference r that moves most.
 
         Args:
-            frequency_hz: of the line; the nearest one is taken.
+            frequency_hz: of the line; the nearest one is taken, or the strongest of all.
 
         Returns:
             The line in Hz, the reference, and (N,) complex amplitudes, (unit of x)/√Hz.
         """
-        line = int(np.argmin(np.abs(self.frequency_hz - frequency_hz)))
+        line = int(np.argmax(self.singular_values[0]))
+        if frequency_hz is not None:
+            line = int(np.argmin(np.abs(self.frequency_hz - frequency_hz)))
         own = [self.autos[self.responses.index(dof), line] for dof in self.references]
         column = int(np.argmax(own))
         shape = self.crosses[:, column, line] / np.sqrt(own[column])

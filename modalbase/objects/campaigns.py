@@ -76,8 +76,8 @@ class Recording(Thing):
         with np.load(BytesIO(content)) as arrays:
             return dict(arrays)
 
-    def deflection(self, frequency_hz: float) -> dict[str, Any]:
-        """Its operating deflection shape at a line: `frequency_hz` of the line, `reference`, `unit`
+    def deflection(self, frequency_hz: float | None = None) -> dict[str, Any]:
+        """Its operating deflection shape at a line, the strongest by default: `frequency_hz` of the line, `reference`, `unit`
         and `shape`, `point`, `direction`, `real` and `imag` of each sensor.
 
         Raises:

@@ -225,6 +225,7 @@ def test_a_mode_set_goes_out_as_set_55_and_comes_back(
         "grid_points": 2,
         "modes": 2,
         "records": 0,
+        "recordings": 0,
     }
     (back,) = ok(api.get(f"campaigns/{second}/mode-sets"), 200)["items"]
     for sent, got in zip(modes, back["modes"], strict=True):

@@ -144,7 +144,13 @@ def test_frfs_of_each_format_are_imported(
     assert sent(frfs(form), dry_run=True)["kind"] == "frfs"
     read = sent(frfs(form), mapping, quantity="mobility")
     assert (read["status"], read["format"], read["kind"]) == ("succeeded", form, "frfs"), read
-    assert read["counts"] == {"frfs": 1, "grid_points": 0, "modes": 0, "records": 0}
+    assert read["counts"] == {
+        "frfs": 1,
+        "grid_points": 0,
+        "modes": 0,
+        "records": 0,
+        "recordings": 0,
+    }
     (frf,) = ok(api.get(f"campaigns/{campaign}/frfs", params={"import_id": read["id"]}), 200)[
         "items"
     ]

@@ -416,7 +416,7 @@ def test_uff_goes_out_and_comes_back_in_bit_for_bit(
     done = imported(other, answer.content)
     assert (done["status"], done["counts"]) == (
         "succeeded",
-        {"frfs": 8, "grid_points": 5, "modes": 0, "records": 0},
+        {"frfs": 8, "grid_points": 5, "modes": 0, "records": 0, "recordings": 0},
     ), done
     assert ok(api.get(f"campaigns/{other}/grid-points"), 200) == {"items": points}
     was, now = (ok(api.get(f"campaigns/{c}/frfs"), 200)["items"] for c in (campaign, other))

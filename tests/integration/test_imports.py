@@ -99,7 +99,13 @@ def test_a_laboratorys_file_comes_in_whole(
     content = (blind_open / f"{name}.uff").read_bytes()
     done = imported(campaign, content, filename=f"{name}.uff")
     assert done["status"] == "succeeded", done
-    assert done["counts"] == {"frfs": 33, "grid_points": 33, "modes": 0, "records": 0}
+    assert done["counts"] == {
+        "frfs": 33,
+        "grid_points": 33,
+        "modes": 0,
+        "records": 0,
+        "recordings": 0,
+    }
     assert (done["filename"], done["size"], done["error"]) == (f"{name}.uff", len(content), None)
     assert done["sha256"] == hashlib.sha256(content).hexdigest()
     assert [d["number"] for d in done["datasets"]] == list(range(1, len(done["datasets"]) + 1))
@@ -197,6 +203,7 @@ def test_a_multipart_form_does_as_well(
         "grid_points": 2,
         "modes": 0,
         "records": 0,
+        "recordings": 0,
     }
 
 
@@ -240,7 +247,13 @@ def test_a_dry_run_only_reports(
 ) -> None:
     done = imported(campaign, small_file(), dry_run="true")
     assert (done["status"], done["dry_run"]) == ("succeeded", True)
-    assert done["counts"] == {"frfs": 1, "grid_points": 2, "modes": 0, "records": 0}
+    assert done["counts"] == {
+        "frfs": 1,
+        "grid_points": 2,
+        "modes": 0,
+        "records": 0,
+        "recordings": 0,
+    }
     assert stored(campaign) == NOTHING
     assert imported(campaign, small_file())["counts"] == done["counts"]
     assert stored(campaign)["frfs"] == 1

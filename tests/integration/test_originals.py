@@ -95,7 +95,7 @@ def test_what_is_within_the_limits_is_stored(stored: Callable[[list[Kept]], Impo
             shape(20),
         ]
     )
-    assert row.counts == {"frfs": 20, "grid_points": 40, "modes": 1, "records": 0}
+    assert row.counts == {"frfs": 20, "grid_points": 40, "modes": 1, "records": 0, "recordings": 0}
 
 
 def test_reports_on_very_many_datasets_are_counted(stored: Callable[[list[Kept]], Import]) -> None:

@@ -460,7 +460,13 @@ def test_a_uff_file_of_time_blocks_becomes_records(
         return row if row["status"] not in ("queued", "running") else None
 
     done = until(ended, "the import")
-    assert done["counts"] == {"frfs": 0, "grid_points": 0, "modes": 0, "records": 4}
+    assert done["counts"] == {
+        "frfs": 0,
+        "grid_points": 0,
+        "modes": 0,
+        "records": 4,
+        "recordings": 0,
+    }
     assert [d["outcome"] for d in done["datasets"]] == ["read"] * 4 + ["ignored"]
     assert "has no force block" in done["datasets"][4]["reason"]
     rows = ok(api.get(f"campaigns/{campaign}/records"), 200)["items"]

@@ -80,7 +80,10 @@ def get_recording_deflection(
     recording_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    frequency_hz: Annotated[float, Query(gt=0, le=1e7, description="at which line, Hz")],
+    frequency_hz: Annotated[
+        float | None,
+        Query(gt=0, le=1e7, description="at which line, Hz; default: the strongest"),
+    ] = None,
 ) -> DeflectionOut:
     """The operating deflection shape of a recording at a frequency, by the power spectra of all
     sensors with the reference that moves most there.
