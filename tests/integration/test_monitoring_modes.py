@@ -17,7 +17,7 @@ from examples.monitoring import State, measured_frfs, post_campaign
 from fecore.trend import ModesOfRun
 from service.app.supervisor import LocalService
 from tests.reality.test_tower import FAMILIES, runs_of_the_tower
-from tests.support.rest import RAW, client_of, finished, ok
+from tests.support.rest import RAW, client_of, finished, ok, session_client
 from tests.support.waiting import until
 
 
@@ -84,7 +84,9 @@ def watch(api: httpx.Client, structure: str, **fields: Any) -> str:
     return str(ok(api.post(f"structures/{structure}/monitors", json=body), 201)["id"])
 
 
-def test_a_change_of_one_percent_is_told_of_and_seasons_are_not(client: httpx.Client) -> None:
+def test_a_change_of_one_percent_raises_one_alarm_that_the_page_explains(
+    client: httpx.Client, service: LocalService
+) -> None:
     structure = new_structure(client, "footbridge")
     made = make(np.random.default_rng(2), -0.01)
     type_in(client, structure, made.runs)
@@ -121,6 +123,16 @@ def test_a_change_of_one_percent_is_told_of_and_seasons_are_not(client: httpx.Cl
         for point in each["points"]
     ]
     assert {*COVARIATES, "time", "low", "high", "corrected", "outside"} <= rows[-1].keys()
+    with session_client(client, base=service.url) as browser:
+        query = {"show": ["frequency_2", raised], "over": COVARIATES[0]}
+        page = browser.get(f"ui/monitors/{monitor}", params=query).text
+    assert page.count("one mode alone") == 2  # what moved, and what to look at
+    assert f">{at['name']}</a>" in page
+    for name in (raised, "frequency_2"):
+        assert f"parameter={name}&amp;over={COVARIATES[0]}" in page
+    for figure in ({"parameter": "frequency"}, {"parameter": raised, "over": COVARIATES[0]}):
+        drawn = ok(client.get(f"monitors/{monitor}/series/figure", params=figure))
+        assert len(drawn["data"]) > 2
     shown = ok(client.get(f"monitors/{monitor}"))
     assert (shown["watch"], shown["state"], shown["recipe"]) == ("modes", "alarm", {})
     assert [each["name"] for each in shown["parameters"]] == ["frequency", "damping_ratio"]
