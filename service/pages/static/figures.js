@@ -143,10 +143,7 @@ async function show(figure) {
     files(figure);
   } catch (error) {
     if (asked !== address(figure)) return;
-    const note = document.createElement("p");
-    note.className = "wait";
-    note.textContent = error.message;
-    place.replaceChildren(note);
+    place.replaceChildren(made("p", { className: "wait" }, error.message));
     figure.classList.add("quiet");
   }
 }
@@ -182,18 +179,14 @@ function follow(figure, place, windows) {
 function files(figure) {
   let list = figure.querySelector(".files");
   if (!list) {
-    list = document.createElement("p");
-    list.className = "files";
+    list = made("p", { className: "files" });
     figure.append(list);
   }
   const path = address(figure);
   list.replaceChildren(
     ...["svg", "png", "pdf"].map((format) => {
-      const link = document.createElement("a");
-      link.href = document.documentElement.dataset.root + "api/v1/" + withQuery(path, { format });
-      link.textContent = format.toUpperCase();
-      link.setAttribute("download", "");
-      return link;
+      const href = document.documentElement.dataset.root + "api/v1/" + withQuery(path, { format });
+      return made("a", { href, download: "" }, format.toUpperCase());
     }),
   );
 }

@@ -64,13 +64,8 @@ async function suggest() {
   chosen = -1;
   list.replaceChildren(
     ...found.map((one, i) => {
-      const item = document.createElement("li");
-      Object.assign(item, { id: `suggestion-${i}`, role: "option" });
-      item.setAttribute("aria-selected", "false");
-      item.append(one.shown ?? one.text);
-      const note = document.createElement("small");
-      note.textContent = one.means;
-      item.append(note);
+      const is = { id: `suggestion-${i}`, role: "option", ariaSelected: "false" };
+      const item = made("li", is, one.shown ?? one.text, made("small", {}, one.means));
       item.addEventListener("mousedown", (event) => {
         event.preventDefault();
         take(one.text, at.from);
