@@ -21,6 +21,7 @@ from service.nouns.coupons.routes import router as coupons
 from service.nouns.frfs.routes import router as frfs
 from service.nouns.imports.purging import router as purging
 from service.nouns.instruments.routes import router as instruments
+from service.nouns.laboratory.routes import router as laboratory
 from service.nouns.modes.routes import router as mode_sets
 from service.nouns.monitors.runs import monitor_for
 from service.nouns.notifications.routes import router as webhooks
@@ -51,7 +52,7 @@ NAMED = (imports, updating)
 ROUTERS: tuple[APIRouter, ...] = (
     access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
     frfs, records, recordings, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans,
-    search, saved_searches, archives, attachments, results, reports, measured_figures, monitoring, webhooks,
+    search, saved_searches, archives, attachments, laboratory, results, reports, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""
 

@@ -13,13 +13,13 @@ from fastapi import Query, Response
 from service.figures.typeset import Document, typeset
 from service.nouns.attachments.operations import photos_of
 from service.nouns.campaigns.operations import campaign_of, describe
+from service.nouns.laboratory.routes import laboratory_of, logo_of
 from service.nouns.storage.originals import original_chunks
 from service.nouns.structures.models import model_in_short
 from service.nouns.structures.operations import describe_version, structure_of, version_of
 from service.nouns.updates.operations import update_job_for
 from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router, project_for
 from service.platform.queue.subprocess_read import read_in_subprocess
-from service.platform.settings import Settings
 from service.platform.web.downloads import disposition
 from service.reports.bodies import bodies_figure
 from service.reports.figure_data import UpdateFigures
@@ -70,14 +70,16 @@ def get_report(
         {"file": f"photo-{k}.jpg", "caption": row.caption or row.name}
         for k, row in enumerate(attached)
     ]
-    content |= {"laboratory": _laboratory(settings), "photos": shown}
+    own = laboratory_of(session, settings)
+    letterhead = {"name": own.name, "address": own.address.split("\n")} if own.name else None
+    content |= {"laboratory": letterhead, "photos": shown}
     photos = {
         f"photo-{k}": b"".join(original_chunks(session, row.sha256))
         for k, row in enumerate(attached)
         if row.size <= MOST_BYTES
     }
-    if settings.laboratory_logo is not None:
-        photos["logo"] = settings.laboratory_logo.read_bytes()
+    if letterhead is not None and (logo := logo_of(session, settings)) is not None:
+        photos["logo"] = logo
     template, style = (FOLDER.joinpath(f"report.{each}").read_bytes() for each in ("typ", "css"))
     figures = {f"{each}-{k}": one for each in sheets for k, one in enumerate(sheets[each])}
     document = Document(template, style, content, figures, photos)
@@ -91,13 +93,6 @@ def get_report(
         headers["Content-Security-Policy"] = _policy()
     kind = "text/html; charset=utf-8" if file_format == "html" else "application/pdf"
     return Response(made, media_type=kind, headers=headers)
-
-
-def _laboratory(settings: Settings) -> dict[str, Any] | None:
-    if not settings.laboratory:
-        return None
-    lines = [line.strip() for line in settings.laboratory_address.split(";")]
-    return {"name": settings.laboratory, "address": lines}
 
 
 def _filename(name: str, suffix: str) -> str:

@@ -21,6 +21,7 @@ from service.nouns.frfs.operations import count_frfs
 from service.nouns.frfs.routes import FrfFilter
 from service.nouns.instruments.routes import instrument_for
 from service.nouns.instruments.routes import nouns as instruments
+from service.nouns.laboratory.routes import laboratory_of
 from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for, modes_of
 from service.nouns.monitors.runs import monitor_for
@@ -243,6 +244,13 @@ def get_new_test(visit: VisitDep, structure: UUID | None = None) -> HTMLResponse
         materials=[(key, name) for _, key, name, of_material in choices if of_material],
         chosen=structure,
     )
+
+
+@router.get("/laboratory")
+def get_laboratory(visit: VisitDep) -> HTMLResponse:
+    """Who reports are of, and for administrators a form that states it."""
+    stated = laboratory_of(visit.session, visit.request.app.state.settings)
+    return visit.show("laboratory.html", stated=stated, may_edit=visit.user.administrator)
 
 
 @router.get("/keys")

@@ -101,7 +101,8 @@ class Settings(BaseSettings):
     )
     pages: bool = Field(default=True, description="serve the pages for the browser, below `/ui/`")
     laboratory: str = Field(
-        default="", description="name of the laboratory on top of reports; empty: none"
+        default="",
+        description="name of the laboratory on top of reports, until it is stated on its page; empty: none",
     )
     laboratory_address: str = Field(default="", description="its address; lines end with `;`")
     laboratory_logo: Path | None = Field(

@@ -1,20 +1,22 @@
 """Files beside what is stored: of each noun, shown or only saved, counted, searched, and gone with
-what they are beside.
+what they are beside; and whose reports their photographs are in.
 """
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import httpx
+import psycopg
 import pytest
 from PIL import Image
 
 import modalbase
 from modalbase.client.errors import ClientError
 from service.app.supervisor import LocalService
+from service.platform.db.engine import psycopg_url
 from tests.support.furnished import MONITOR
-from tests.support.rest import client_of, ok
+from tests.support.rest import RAW, client_of, ok, session_client
 
 PNG = b"\x89PNG\r\n\x1a\n"
 SCRIPT = b"<svg xmlns='http://www.w3.org/2000/svg' onload='alert(1)'/>"
@@ -153,3 +155,35 @@ def test_an_archive_takes_attachments_along(
         assert one.save(tmp_path / "back.jpg").read_bytes() == photo()
     with pytest.raises(ClientError, match="has what is in this archive"):
         other.import_archive(archive)
+
+
+def test_administrators_state_whose_reports_they_are(
+    new_service: Callable[..., LocalService],
+) -> None:
+    """Until then the operator's settings do; the logo is a picture, and of a size that reports
+    can have.
+    """
+    with (
+        new_service(laboratory="Lab", laboratory_address="Street; Town") as running,
+        client_of(running, "ada") as ada,
+    ):
+        before = {"name": "Lab", "address": "Street\nTown", "logo": False}
+        assert ok(ada.get("laboratory")) == before
+        ok(ada.get("laboratory/logo"), 404)
+        body = {"name": "Institute", "address": "Hall 3"}
+        assert "for administrators" in ok(ada.put("laboratory", json=body), 403)["detail"]
+        assert ok(ada.get("laboratory")) == before
+        with psycopg.connect(psycopg_url(running.settings.database_url or "")) as database:
+            database.execute("UPDATE users SET administrator = true")
+        for content, status in ((b"GIF89a", 422), (PNG + bytes(1024 * 1024), 413)):
+            ok(ada.put("laboratory/logo", content=content, headers=RAW), status)
+        ok(ada.put("laboratory/logo", content=PNG, headers=RAW))
+        assert ok(ada.get("laboratory")) == {**before, "logo": True}
+        assert ok(ada.put("laboratory", json=body)) == {**body, "logo": True}
+        logo = ada.get("laboratory/logo")
+        assert (logo.content, logo.headers["content-type"]) == (PNG, "image/png")
+        with session_client(ada, base=running.url) as browser:
+            page = browser.get("/ui/laboratory").text
+        assert 'value="Institute"' in page
+        ok(ada.delete("laboratory/logo"), 204)
+        assert ok(ada.get("laboratory"))["logo"] is False

@@ -274,6 +274,9 @@ read    viewer  GET /campaigns/{campaign_id}/attachments, GET /update-jobs/{upda
 read    viewer  GET /monitors/{monitor_id}/attachments
 read    viewer  GET /attachments/{attachment_id}, GET /attachments/{attachment_id}/file
 
+read    anyone  GET /laboratory, GET /laboratory/logo
+admin   administrator  PUT /laboratory, PUT /laboratory/logo, DELETE /laboratory/logo
+
 admin   anyone  POST /webhooks
 admin   owner   DELETE /webhooks/{webhook_id}
 admin   editor  POST /webhooks/{webhook_id}/test
@@ -285,6 +288,7 @@ role), operations.
 """
 
 BODIES: dict[str, Any] = {
+    "PUT /laboratory": {"name": "l"},
     "POST /projects": {"name": "p"},
     "PATCH /projects/{project_id}": {"name": "p"},
     "PUT /projects/{project_id}/members/{member}": {"role": "viewer"},

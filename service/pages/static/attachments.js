@@ -15,7 +15,7 @@ for (const box of document.querySelectorAll("[data-attached]")) {
           link.append(element("img", { src: href, alt: one.caption || one.name, loading: "lazy" }));
         else link.textContent = one.name;
         const size = one.size < 1e6 ? `${Math.ceil(one.size / 1e3)} kB` : `${(one.size / 1e6).toFixed(1)} MB`;
-        row.append(link, element("small", { textContent: `${one.caption || one.name}, ${size}` }));
+        row.append(link, element("small", { textContent: [one.caption || (link.textContent ? "" : one.name), size].filter(Boolean).join(", ") }));
         if (input) {
           const remove = element("button", { type: "button", className: "plain", textContent: "Remove" });
           remove.ariaLabel = `Remove ${one.name}`;
@@ -40,7 +40,14 @@ for (const box of document.querySelectorAll("[data-attached]")) {
         say(`${one.name}: ${problem.detail}`);
       }
     }
-    caption.value = input.value = "";
+    caption.value = input.value = box.querySelector("output").textContent = "";
     show();
   });
 }
+for (const input of document.querySelectorAll("[data-put]"))
+  input.addEventListener("change", () =>
+    call("PUT", input.dataset.put, input.files[0], { "Content-Type": "application/octet-stream" }).then(
+      () => leave(),
+      (problem) => say(problem.detail),
+    ),
+  );

@@ -110,7 +110,7 @@ def digest(token: str) -> bytes:
 Scope = Literal["read", "write", "jobs", "admin"]
 SCOPES: tuple[Scope, ...] = get_args(Scope)
 
-_ADMIN = ("api-keys", "members", "webhooks", "purge")
+_ADMIN = ("api-keys", "members", "webhooks", "purge", "laboratory")
 _JOBS = (
     "update-jobs",
     "identifications",

@@ -353,6 +353,7 @@ TAGS: list[tuple[str, str]] = [
             " and trends."
         ),
     ),
+    ("laboratory", "Whose reports they are: name, address, logo."),
     ("archives", "Projects, campaigns and what a search finds as one zip that others read."),
     (
         "instruments",
