@@ -425,20 +425,18 @@ _ALL = (
 NOUNS = {noun.name: noun for noun in _ALL}
 """By their names in filters."""
 
-SEARCHED = {
-    f"{name}s": NOUNS[name]
-    for name in (
-        "structure",
-        "campaign",
-        "frf",
-        "mode",
-        "result",
-        "coupon",
-        "record",
-        "monitor",
-        "attachment",
-    )
-}
+_ADDRESSED = (
+    "structure",
+    "campaign",
+    "frf",
+    "mode",
+    "result",
+    "coupon",
+    "record",
+    "monitor",
+    "attachment",
+)
+SEARCHED = {f"{name}s": NOUNS[name] for name in _ADDRESSED}
 """Those that have an address, by its last step."""
 
 

@@ -1,5 +1,7 @@
 "use strict";
 /* Files beside what a page shows: pictures as such, the rest by name; more are dropped in. */
+const sizeOf = (bytes) =>
+  bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 for (const box of document.querySelectorAll("[data-attached]")) {
   const path = `${box.dataset.attached}/attachments`;
   const list = box.querySelector("ul");
@@ -10,15 +12,16 @@ for (const box of document.querySelectorAll("[data-attached]")) {
     list.replaceChildren(
       ...items.map((one) => {
         const href = rest(`attachments/${one.id}/file`);
-        const [link, row] = [element("a", { href, target: "_blank", rel: "noopener" }), element("li")];
+        const link = element("a", { href, target: "_blank", rel: "noopener" });
+        const row = element("li");
         if (one.media_type.startsWith("image/"))
           link.append(element("img", { src: href, alt: one.caption || one.name, loading: "lazy" }));
         else link.textContent = one.name;
-        const size = one.size < 1e6 ? `${Math.ceil(one.size / 1e3)} kB` : `${(one.size / 1e6).toFixed(1)} MB`;
-        row.append(link, element("small", { textContent: [one.caption || (link.textContent ? "" : one.name), size].filter(Boolean).join(", ") }));
+        const words = [one.caption || (link.textContent ? "" : one.name), sizeOf(one.size)];
+        row.append(link, element("small", { textContent: words.filter(Boolean).join(", ") }));
         if (input) {
-          const remove = element("button", { type: "button", className: "plain", textContent: "Remove" });
-          remove.ariaLabel = `Remove ${one.name}`;
+          const look = { type: "button", className: "plain", ariaLabel: `Remove ${one.name}` };
+          const remove = element("button", { ...look, textContent: "Remove" });
           remove.addEventListener("click", async () => {
             if (!(await agreed(`Remove ${one.name} for good?`, "Remove"))) return;
             await call("DELETE", `attachments/${one.id}`).catch((problem) => say(problem.detail));
@@ -45,9 +48,12 @@ for (const box of document.querySelectorAll("[data-attached]")) {
   });
 }
 for (const input of document.querySelectorAll("[data-put]"))
-  input.addEventListener("change", () =>
-    call("PUT", input.dataset.put, input.files[0], { "Content-Type": "application/octet-stream" }).then(
-      () => leave(),
-      (problem) => say(problem.detail),
-    ),
-  );
+  input.addEventListener("change", async () => {
+    const headers = { "Content-Type": "application/octet-stream" };
+    try {
+      await call("PUT", input.dataset.put, input.files[0], headers);
+      leave();
+    } catch (problem) {
+      say(problem.detail);
+    }
+  });
