@@ -31,7 +31,7 @@ square of the force, less its mean over the hits, over its standard deviation,
     ΔH = Σ x_i w_i (H_i - H)
 
 is what H changes by in hits harder by one standard deviation; of noise alone its variance is that of
-H. One spectrum tells a mode whose frequency falls with the hit, a distortion that grows with it, and
+H. One spectrum shows a mode whose frequency falls with the hit, a distortion that grows with it, and
 interference that the hits do not share.
 """
 

@@ -63,7 +63,7 @@ finding = partial(
     {
         "loads_alike": remark(
             "the loads at points {points} are alike from {low:.4g} to {high:.4g} Hz, so that their"
-            " FRFs cannot be told apart there and are left out",
+            " FRFs cannot be separated there and are left out",
             "drive the shakers by signals of their own",
         ),
         "load_periodic": remark(
@@ -80,7 +80,7 @@ class LoadFrfs(BlockSpectra):
 
     quantity: Quantity
     coherence: FloatArray  # (N, L) multiple coherence, 0 to 1
-    told: BoolArray  # (R, L) where a load can be told from the others, and has power
+    separable: BoolArray  # (R, L) where a load differs from the others, and has power
     notes: tuple[Finding, ...] = ()
 
     @property
@@ -103,7 +103,7 @@ class LoadFrfs(BlockSpectra):
             self.references * n,
             self.quantity,
             variance=self.variance.reshape(n * r, -1),
-            measured=np.tile(self.told, (n, 1)),
+            measured=np.tile(self.separable, (n, 1)),
         )
 
 
@@ -136,7 +136,7 @@ def frfs_of_loads(
 
     Raises:
         InputError: the recording is too short, not finite or constant in a channel, or no load can
-            be told from the others.
+            be separated from the others.
     """
     n, r = len(responses), len(loads)
     highest, below = highest_of(quantities, n)
@@ -160,8 +160,8 @@ def frfs_of_loads(
     # 3. FRFs.
     sums, counts = groups.done()
     cross, force = sums.sum(axis=0)[:n], sums.sum(axis=0)[n:]
-    inverse, told = _inverse(force, bool(period))
-    _check_told(told, loads)
+    inverse, separable = _inverse(force, bool(period))
+    _require_separable(separable, loads)
     values = np.einsum("nrl,rsl->nsl", cross, inverse)
     coherence = np.einsum("nrl,nrl->nl", values, cross.conj()).real / np.maximum(own, _TINY)
     # 4. Scatter.
@@ -171,10 +171,15 @@ def frfs_of_loads(
     # 5. Window.
     lines, rate = np.arange(1, kept), 0.0
     if not period:
-        blocks, rate = _exchange(blocks, told, size), -np.log(LEFT) * sample_rate_hz / (size // 2)
+        blocks, rate = (
+            _exchange(blocks, separable, size),
+            -np.log(LEFT) * sample_rate_hz / (size // 2),
+        )
         lines = lines[1::2]
-    notes = _notes(told[:, lines], lines * sample_rate_hz / size, loads, period / sample_rate_hz)
-    lines = lines[told[:, lines].any(axis=0)]
+    notes = _notes(
+        separable[:, lines], lines * sample_rate_hz / size, loads, period / sample_rate_hz
+    )
+    lines = lines[separable[:, lines].any(axis=0)]
     return LoadFrfs(
         frequency_hz=lines * sample_rate_hz / size,
         blocks=blocks[..., lines],
@@ -186,7 +191,7 @@ def frfs_of_loads(
         length_s=length / sample_rate_hz,
         quantity=FRF_QUANTITY[highest],
         coherence=np.clip(coherence[:, lines], 0, 1),
-        told=told[:, lines],
+        separable=separable[:, lines],
         notes=notes,
     )
 
@@ -269,8 +274,8 @@ def _size(
 
 
 def _inverse(force: ComplexArray, periodic: bool) -> tuple[ComplexArray, BoolArray]:
-    """(R, R, L) inverse of the loads' spectra, at lines where they can be told apart, 0 elsewhere;
-    and (R, L) which are told.
+    """(R, R, L) inverse of the loads' spectra, at lines where they can be separated, 0 elsewhere;
+    and (R, L) which can be.
     """
     level = np.sqrt(np.maximum(np.einsum("rrl->rl", force).real, _TINY))
     there = level**2 > (_ACTIVE if periodic else 1e-16) * level.max(axis=1, keepdims=True) ** 2
@@ -281,12 +286,12 @@ def _inverse(force: ComplexArray, periodic: bool) -> tuple[ComplexArray, BoolArr
     size, vectors = np.linalg.eigh(scaled)
     alike = np.einsum("lrk,lk->lr", np.abs(vectors) > 0.3, size < _APART).T > 0
     inverse = np.einsum("lrk,lk,lsk->rsl", vectors, 1 / np.maximum(size, _APART), vectors.conj())
-    told = there & ~alike
-    inverse *= told[:, None] & told
-    return inverse / (level[:, None] * level), told
+    separable = there & ~alike
+    inverse *= separable[:, None] & separable
+    return inverse / (level[:, None] * level), separable
 
 
-def _exchange(blocks: ComplexArray, told: BoolArray, size: int) -> ComplexArray:
+def _exchange(blocks: ComplexArray, separable: BoolArray, size: int) -> ComplexArray:
     """Spectra whose segments' window is exchanged for the exponential one. Lines that are not known
     go in as those between which they lie.
     """
@@ -299,7 +304,7 @@ def _exchange(blocks: ComplexArray, told: BoolArray, size: int) -> ComplexArray:
     kept = blocks.shape[-1]
     whole = np.zeros((*blocks.shape[:-1], size // 2 + 1), dtype=complex)
     whole[..., :kept] = blocks
-    for row, known in enumerate(told):
+    for row, known in enumerate(separable):
         lines = np.flatnonzero(known)
         for gap in np.setdiff1d(np.arange(1, kept), lines):
             near = lines[
@@ -315,12 +320,12 @@ def _exchange(blocks: ComplexArray, told: BoolArray, size: int) -> ComplexArray:
 
 
 def _notes(
-    told: BoolArray, hz: FloatArray, loads: Sequence[Dof], period_s: float
+    separable: BoolArray, hz: FloatArray, loads: Sequence[Dof], period_s: float
 ) -> tuple[Finding, ...]:
     if period_s:
-        lines = int(told.any(axis=0).sum())
+        lines = int(separable.any(axis=0).sum())
         return (finding("load_periodic", period=period_s, lines=lines),)
-    notes, missing = [], ~told
+    notes, missing = [], ~separable
     edges = np.flatnonzero(np.diff(np.pad(missing.any(axis=0), 1).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         points = [
@@ -332,11 +337,11 @@ def _notes(
     return tuple(notes)
 
 
-def _check_told(told: BoolArray, loads: Sequence[Dof]) -> None:
-    never = [str(dof.point) for dof, row in zip(loads, told, strict=True) if not row.any()]
+def _require_separable(separable: BoolArray, loads: Sequence[Dof]) -> None:
+    never = [str(dof.point) for dof, row in zip(loads, separable, strict=True) if not row.any()]
     if never:
         raise InputError(
             "loads",
             f"those at points {', '.join(never)} are alike in all lines, so that their FRFs cannot"
-            " be told apart; drive the shakers by signals of their own",
+            " be separated; drive the shakers by signals of their own",
         )

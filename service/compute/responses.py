@@ -174,7 +174,7 @@ def encoded(file: RecordingFile, spectra: HalfSpectra | LoadFrfs) -> EncodedSpec
 
 _OWN: dict[type[Any], tuple[str, ...]] = {
     HalfSpectra: ("kurtosis", "autos", "crosses"),
-    LoadFrfs: ("coherence", "told"),
+    LoadFrfs: ("coherence", "separable"),
 }
 """What each kind of spectra has besides what all have."""
 
@@ -186,7 +186,7 @@ def decoded(data: bytes, sha256: bytes) -> HalfSpectra | LoadFrfs:
         Damaged: the bytes are not the ones that were stored.
     """
     with np.load(io.BytesIO(verified(data, sha256, "spectra"))) as file:
-        kind: type[Any] = LoadFrfs if "told" in file else HalfSpectra
+        kind: type[Any] = LoadFrfs if "separable" in file else HalfSpectra
         spectra: HalfSpectra | LoadFrfs = kind(
             frequency_hz=file["frequency_hz"],
             blocks=file["blocks"].astype(np.complex128),

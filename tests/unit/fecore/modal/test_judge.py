@@ -61,16 +61,16 @@ def test_one_record_in_several_bands_and_by_halves_has_one_answer() -> None:
 
 def test_hits_of_several_heights_show_what_a_cubic_spring_moves() -> None:
     draw = KINDS["cubed"](2)
-    off, told = {}, {}
+    off, named = {}, {}
     for known in (True, False):
         found = identify(draw.frfs if known else replace(draw.frfs, growth=None))
         k = [np.argmin(np.abs(found.modes.frequency_hz - f)) for f in draw.frequency_hz]
         off[known] = np.abs(found.modes.frequency_hz[k] - draw.frequency_hz)
         off[known] /= found.modes.frequency_sd_hz[k]
-        told[known] = [note.subject for note in found.notes if note.kind == "not_linear"]
+        named[known] = [note.subject for note in found.notes if note.kind == "not_linear"]
     assert off[True].max() < 2.5 < off[False].max()
-    assert told[True]
-    assert not told[False]
+    assert named[True]
+    assert not named[False]
 
 
 @settings(max_examples=25)
