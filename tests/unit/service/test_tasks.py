@@ -15,7 +15,7 @@ from service.tasks.task import BareTask, Ordered, Task
 
 ROOT = Path(__file__).parents[3]
 FOLDERS = sorted(path.parent.name for path in Path(tasks.__path__[0]).glob("*/__init__.py"))
-ANSWERED = {"plan"}  # is computed while its request waits
+ANSWERED = {"look", "plan"}  # are computed while their requests wait
 HEAVY = ("fastapi", "starlette", "pydantic", "sqlalchemy", "psycopg", "procrastinate", "httpx")
 ALL = pytest.mark.parametrize("task", TASKS, ids=lambda task: task.kind)
 
