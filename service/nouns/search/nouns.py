@@ -426,16 +426,8 @@ NOUNS = {noun.name: noun for noun in _ALL}
 """By their names in filters."""
 
 _ADDRESSED = (
-    "structure",
-    "campaign",
-    "frf",
-    "mode",
-    "result",
-    "coupon",
-    "record",
-    "monitor",
-    "attachment",
-)
+    "structure", "campaign", "frf", "mode", "result", "coupon", "record", "monitor", "attachment",
+)  # fmt: skip
 SEARCHED = {f"{name}s": NOUNS[name] for name in _ADDRESSED}
 """Those that have an address, by its last step."""
 
