@@ -117,6 +117,7 @@ def _other_constant(name: str) -> Field | None:
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
 
+_MADE = _one_of("origin", get_args(Origin)), _one_of("excitation", get_args(Excitation))
 _ALL = (
     Noun(
         "project",
@@ -271,13 +272,7 @@ _ALL = (
         "mode_set",
         "mode_sets",
         owner="campaign",
-        fields=(
-            ID,
-            NAME,
-            _one_of("origin", get_args(Origin)),
-            _one_of("excitation", get_args(Excitation)),
-            CREATED,
-        ),
+        fields=(ID, NAME, *_MADE, CREATED),
     ),
     Noun(
         "mode",
