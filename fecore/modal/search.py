@@ -80,6 +80,7 @@ ENOUGH = 1.0
 
 _SAME = 0.03  # summed half bandwidths within which a candidate is a pole that is there
 _FIRST = 2  # steps after which new poles are looked at
+_SMOOTHEST = 3.0  # lines that are worth one, at most: a mode that lacks makes a smooth residual too
 _SPARE = 6  # poles beside twice those that are not refused, from which a search must find more
 # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay
 # too
@@ -188,6 +189,7 @@ def forward_selection(
             fit = linear_fit(arrangement, fit.terms, variance)
         # lines that share their errors count once: what bends the modes that are there is no other
         tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model) if pairs else 1.0
+        tau = min(tau, _SMOOTHEST)
         added = _chosen(arrangement, fit, candidates, most - pairs, beside, tau)
         if not added.size:
             break
