@@ -124,7 +124,7 @@ def report(
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Write the report of an update: two pages for a customer, the rest as annex."""
+    """Write the report of an update: verdict, parameters, correlation, what to do; the data as annex."""
     format_of(out, REPORTS, "--out ")
     with laboratory_at(url) as lab:
         _say(lab.named(objects.UpdateJob, job).report(out), as_json)

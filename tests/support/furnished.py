@@ -264,7 +264,7 @@ write   editor  POST /monitors/{monitor_id}/restore, POST /alarms/{alarm_id}/ack
 jobs    editor  POST /monitors/{monitor_id}/runs
 read    viewer  GET /structures/{structure_id}/monitors, GET /monitors/{monitor_id}, GET /monitors/{monitor_id}/runs
 read    viewer  GET /monitors/{monitor_id}/series, GET /monitors/{monitor_id}/series/figure
-read    viewer  GET /monitors/{monitor_id}/deliveries, GET /alarms/{alarm_id}
+read    viewer  GET /monitors/{monitor_id}/series/rows, GET /monitors/{monitor_id}/deliveries, GET /alarms/{alarm_id}
 
 write   editor  POST /projects/{project_id}/attachments, POST /structures/{structure_id}/attachments
 write   editor  POST /campaigns/{campaign_id}/attachments, POST /update-jobs/{update_job_id}/attachments
