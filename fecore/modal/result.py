@@ -12,7 +12,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.findings import Finding, texts
 from fecore.frf import Quantity
-from fecore.modal.arrangement import CLEAR, FEW, QUANTITIES, SLOPE_SD, SURE, Arrangement
+from fecore.modal.arrangement import FEW, QUANTITIES, SLOPE_SD, SURE, Arrangement
 from fecore.modal.candidates import LinearPoles
 from fecore.modal.findings import finding, lines_in_words
 from fecore.modal.judge import Evidence, Feature, RefusedPole
@@ -28,6 +28,7 @@ _WEAK = 0.1  # of the FRFs at its frequency, below which a mode is called weak
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 # of the lowest mode: where a driving point shows its asymptote, and lines that must be there
 _BELOW, _FEWEST_BELOW = (0.05, 0.25), 5
+_MOVED = 3.0  # standard deviations from which a frequency changes with the height of hits
 _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
 FREQUENCY_TOLERANCE = 0.01  # relative, between orders: the usual 1 % of stabilisation diagrams
 DAMPING_TOLERANCE = 0.05  # relative, between orders: the usual 5 %
@@ -338,7 +339,7 @@ def moved_by_height(fit: PoleFit, kept: IntArray) -> list[Finding]:
             percent=100 * abs(shift[k]),
         )
         for k in kept
-        if abs(shift[k]) > CLEAR * np.sqrt(by_chance[k, k])
+        if abs(shift[k]) > _MOVED * np.sqrt(by_chance[k, k])
     ]
 
 

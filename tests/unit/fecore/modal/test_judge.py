@@ -60,7 +60,7 @@ def test_one_record_in_several_bands_and_by_halves_has_one_answer() -> None:
 
 
 def test_hits_of_several_heights_show_what_a_cubic_spring_moves() -> None:
-    draw = KINDS["cubed"](2)
+    draw = KINDS["cubed"](6)
     off, named = {}, {}
     for known in (True, False):
         found = identify(draw.frfs if known else replace(draw.frfs, growth=None))
