@@ -362,7 +362,7 @@ FRFS: dict[str, Case] = {
     "no real part": (half_of_the_numbers("imag"), "no FRF is usable: 33Z/1Z has no real part"),
     "one FRF": (one_frf, modes_of_one_frf),
     "one FRF, nothing certain": (lambda: one_frf(threshold=1 - 1e-9), modes_of_one_frf),
-    "one FRF, no mode chosen": (lambda: one_frf(threshold=1 - 1e-9).chosen(), "all modes that the FRFs show are uncertain ("),
+    "one FRF, no mode chosen": (lambda: one_frf(threshold=1 - 1e-9).chosen(), "all modes that the data show are uncertain ("),
     "stopped on the way": (stopped, lambda _: None),
     "records that drift": (drifting, without_drift),
     "plate": of_draw("plate", 7),

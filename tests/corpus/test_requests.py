@@ -217,7 +217,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({**MONITOR, "runs_on": "schedule"}, "", "a schedule belongs to"),
         ({**MONITOR, "runs_on": "schedule", "schedule": "every day"}, "", "five cron fields"),
         ({**MONITOR, "false_alarm_rate": 0}, "/false_alarm_rate", "is 0, expected more than 0"),
-        ({**MONITOR, "treshold": 3}, "/treshold", "is no member here; there is name, recipe"),
+        ({**MONITOR, "treshold": 3}, "/treshold", "is no member here; there is name, "),
     ],
     "PATCH monitors/{monitor}": [
         ({}, "", "names nothing to change"),

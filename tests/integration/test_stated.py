@@ -89,7 +89,7 @@ def test_a_uff_that_says_its_quantity_and_another_one_beside_it(
     ("query", "pointer", "says"),
     [
         ({"kind": "frfs"}, "kind", "a UFF says of each dataset what it is"),
-        ({"mapping": '{"frf": {"variable": "H"}}'}, "mapping", "only a recording of hits has one"),
+        ({"mapping": '{"frf": {"variable": "H"}}'}, "mapping", "only a recording has one"),
     ],
 )
 def test_a_uff_takes_neither_kind_nor_a_mapping_of_arrays(

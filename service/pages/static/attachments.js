@@ -1,6 +1,6 @@
 "use strict";
 /* Files beside what a page shows: pictures as such, the rest by name; more are dropped in. */
-const sizeOf = (bytes) =>
+const bytesOf = (bytes) =>
   bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 for (const box of document.querySelectorAll("[data-attached]")) {
   const path = `${box.dataset.attached}/attachments`;
@@ -17,7 +17,7 @@ for (const box of document.querySelectorAll("[data-attached]")) {
         if (one.media_type.startsWith("image/"))
           link.append(element("img", { src: href, alt: one.caption || one.name, loading: "lazy" }));
         else link.textContent = one.name;
-        const words = [one.caption || (link.textContent ? "" : one.name), sizeOf(one.size)];
+        const words = [one.caption || (link.textContent ? "" : one.name), bytesOf(one.size)];
         row.append(link, element("small", { textContent: words.filter(Boolean).join(", ") }));
         if (input) {
           const look = { type: "button", className: "plain", ariaLabel: `Remove ${one.name}` };
