@@ -20,7 +20,7 @@ let chosen = -1,
 
 /* What stands before the cursor: a name that is begun, or a field with its operator and a value
    that is begun. */
-function place() {
+function begun() {
   const before = box.value.slice(0, box.selectionStart);
   const value = /([\w.]+)\s*(=|<>|LIKE|IN)\s*\(?\s*'((?:[^']|'')*)$/i.exec(before);
   if (value) return { field: value[1], begun: value[3], from: before.length - value[3].length };
@@ -58,7 +58,7 @@ async function wanted(at) {
 }
 async function suggest() {
   const turn = ++asked,
-    at = place();
+    at = begun();
   const found = at ? await wanted(at) : [];
   if (turn !== asked) return;
   chosen = -1;
