@@ -72,7 +72,9 @@ def repair_digests(engine: Engine) -> None:
                     text(f"UPDATE {table} SET {digest} = sha256({data}) WHERE {data} IS NOT NULL")
                 )
         names = [
-            name for name in ("imports", "original_chunks", "structure_models") if name in tables
+            name
+            for name in tables
+            if "originals" in {key["referred_table"] for key in catalogue.get_foreign_keys(name)}
         ]
         connection.execute(
             text("INSERT INTO originals SELECT sha256(data), length(data) FROM original_chunks")
