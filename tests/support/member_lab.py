@@ -23,6 +23,7 @@ from tests.support.members import Lab
 from tests.support.profiles import ANGLE
 from tests.support.rest import RAW, finished, ok, posted
 
+ATTACHED = ("project", "structure", "campaign", "update_job", "monitor")
 HOOK = "http://127.0.0.1:9/hook"  # nothing listens there
 MESH = (
     "SOL 103\nCEND\nBEGIN"
@@ -104,6 +105,16 @@ MORE_NPZ = _npz(f=2 * SAMPLES, a=SAMPLES[::-1])
 LONG = np.random.default_rng(0).standard_normal(8192) * np.exp(-np.arange(8192) / 2000)
 # more samples than a figure shows at once
 LONG_NPZ = _npz(f=np.where(np.arange(8192) < 5, 1.0, 0.0), a=LONG)
+# responses to loads that nobody measured: a minute of three sensors
+WIND = {
+    "sample_rate_hz": 128.0,
+    "recording": {},
+    "channels": [
+        {"variable": name, "quantity": "acceleration", "sensitivity": 1, "point": point}
+        | {"direction": direction}
+        for name, point, direction in (("a1", 1, 3), ("a2", 2, 3), ("a3", 1, 1))
+    ],
+}
 HITS_NPZ, HITS_CSV = _npz(f=SAMPLES, a=SAMPLES[::-1]), _table({"f": SAMPLES, "a": SAMPLES[::-1]})
 OF_NPZ = {
     "frequency_hz": {"variable": "frequency_hz"},
@@ -113,6 +124,15 @@ OF_NPZ = {
 }
 OF_CSV = {**OF_NPZ, "frf": {"real": "real", "imaginary": "imag"}}
 OF_MAT = {**OF_NPZ, "frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}}
+
+
+def _wind(seed: int) -> bytes:
+    """Noise through a mode at 20 Hz, in all sensors, and what each has of its own."""
+    generator = np.random.default_rng(seed)
+    common, *own = generator.standard_normal((4, 7680))
+    pole = 0.98 * np.exp(2j * np.pi * 20 / 128)
+    mode = scipy.signal.lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], common)
+    return _npz(**{f"a{k}": mode / k + 0.1 * each for k, each in enumerate(own, 1)})
 
 
 class Furnishing:
@@ -176,6 +196,20 @@ class Furnishing:
             "filename": "long.npz", "mapping": json.dumps(MAPPING)})  # fmt: skip
         self.make("frf_id", "campaigns/{small_id}/frfs", frfs())
         self.make("second_frf_id", "campaigns/{small_id}/frfs", frfs(2))
+
+    def of_responses(self) -> None:
+        """Two recordings, whose spectra a processing makes."""
+        self.make(
+            "wind_id", "structures/{structure_id}/campaigns", {"name": "wind", "boundary": "free"}
+        )
+        for seed in (1, 2):
+            self.make("wind_import_id", "campaigns/{wind_id}/imports", content=_wind(seed), headers=RAW, params={
+                "filename": f"wind {seed}.npz", "mapping": json.dumps(WIND)})  # fmt: skip
+        self.ended()
+        self.lab.ids["recording_id"] = ok(
+            self.api.get(f"campaigns/{self.lab.ids['wind_id']}/recordings")
+        )["items"][0]["id"]
+        self.make("wind_processing_id", "campaigns/{wind_id}/processings", {})
 
     def of_campaigns(self) -> None:
         self.lab.ids["measured_frf_id"] = ok(
@@ -313,6 +347,15 @@ class Furnishing:
         self.lab.alarm = self.alarm
         self.lab.ids |= {"alarm_id": self.alarm(), "second_alarm_id": self.alarm("cleared")}
 
+    def attachments(self) -> None:
+        """Two beside each noun that may have some."""
+        for name in ("", "second_"):
+            self.lab.ids[f"{name}update_job_id"] = self.lab.ids[f"{name}job_id"]
+        for noun in ATTACHED:
+            for name in ("a.txt", "b.txt"):
+                path = f"{noun.replace('_', '-')}s/{{{noun}_id}}/attachments"
+                self.made(path, content=name.encode(), headers=RAW, params={"filename": name})
+
     def alarm(self, state: str = "alarm") -> str:
         """An alarm of the monitor, which otherwise takes many campaigns; a parameter has one that
         is open.
@@ -372,10 +415,12 @@ def furnished(
     made.lab.ids |= {"user_id": user["id"], "member": member}
     for step in (
         made.structures,
+        made.of_responses,
         made.of_campaigns,
         made.of_structures,
         made.updates,
         made.of_projects,
+        made.attachments,
         made.deletions,
     ):
         step()

@@ -86,6 +86,14 @@ RECIPE_ROWS: dict[str, Any] = {
     "priority": To(3, "priority", waits="never"),
     "confirm": To(True, without=422, beside={"inputs": {"thickness_sd_m": 0.5}}, waits="never"),
 }
+WINDY = {"campaign_id": "wind_id"}
+
+
+def of_responses(name: str, value: Any) -> Any:
+    """Rows of a member of recordings, which is refused where there are hits alone."""
+    return {name: (To(value, "spectra", ids=WINDY), Refused(value))}
+
+
 DATA = {"fmin": 100, "fmax": 50, "stride": 2}
 FILES: dict[str, Body] = {
     "POST /campaigns/{campaign_id}/imports multipart/form-data": Body(
@@ -234,6 +242,9 @@ FILES: dict[str, Body] = {
     ),
     "GET /frfs/{frf_id}/data": Body(DATA, ids={"frf_id": "measured_frf_id"}),
     "GET /records/{record_id}/data": Body(),
+    "GET /campaigns/{campaign_id}/recordings": Body(ids=WINDY),
+    "GET /recordings/{recording_id}/spectra": Body(),
+    "GET /recordings/{recording_id}/deflection": Body({"frequency_hz": 40}),
     "POST /campaigns/{campaign_id}/hit-decisions": Body(
         {
             "point": To(2, status=422),
@@ -254,6 +265,8 @@ FILES: dict[str, Body] = {
             "delay_s": To(0.001, "later"),
             "false_discovery": To(0.9, "hits"),
             "overrules": To([{"point": 1, "hit": 1, "use": False}], "hits"),
+            **of_responses("references", [{"point": 2, "direction": 3}]),
+            **of_responses("lag_s", 0.5),
         },
         {},
         ids={"campaign_id": "hits_id"},
@@ -261,7 +274,12 @@ FILES: dict[str, Body] = {
     ),
     "GET /campaigns/{campaign_id}/processings": Body(ids={"campaign_id": "hits_id"}),
     "POST /campaigns/{campaign_id}/mode-sets": Body(
-        {"name": NEW, "modes": MODES[:1], "unless_named": unless_named("mode_set_id")},
+        {
+            "name": NEW,
+            "modes": MODES[:1],
+            "excitation": "unmeasured",
+            "unless_named": unless_named("mode_set_id"),
+        },
         {"name": "m {n}", "modes": MODES},
     ),
     "GET /campaigns/{campaign_id}/mode-sets": Body({"superseded": True}),

@@ -6,6 +6,7 @@ from typing import Any
 
 from service.pages.example import paper
 from tests.support.member_lab import (
+    ATTACHED,
     MESH,
     RECIPE,
 )
@@ -124,7 +125,25 @@ INSTRUMENT_ROWS: dict[str, Any] = {
     "notes": "dropped",
     "calibrations": [{"performed_on": "2026-01-15"}],
 }
+_ATTACHED = {"filename": To("other.txt", "name"), "caption": "from the left"}
+
+
+def _attachments(noun: str) -> dict[str, Body]:
+    """Rows of what is attached to a noun, and of the list of it."""
+    path = f"/{noun.replace('_', '-')}s/{{{noun}_id}}/attachments"
+    form = {"file": To(["a.txt", b"another"], "sha256"), "body.caption": "from the right"}
+    return {
+        f"GET {path}": Body(),
+        f"POST {path} application/octet-stream": Body(_ATTACHED, b"notes"),
+        f"POST {path} multipart/form-data": Body(
+            {**_ATTACHED, **form}, {"file": ["a.txt", b"notes"]}
+        ),
+    }
+
+
 THINGS: dict[str, Body] = {
+    **{name: body for noun in ATTACHED for name, body in _attachments(noun).items()},
+    "PUT /laboratory": Body({"name": NEW, "address": "Test hall {n}"}, {}),
     "POST /projects": Body(
         {"name": NEW, "description": "x", **LABELS, "unless_named": unless_named("project_id")},
         {"name": "p {n}"},

@@ -125,6 +125,19 @@ _PAIRS = [{"label": n, "x_m": 0.05 * n, "y_m": 0.01 * (n % 2), "z_m": 0} for n i
 _POINTS = [{"label": n, "x_m": 0.05 * n, "y_m": 0.01, "z_m": 0} for n in range(1, 9)]
 _WINDOWS = {"windows": {"force_length_s": 0.01, "rate_per_s": 50}}
 _OVERRULED = {"overrules": [{"point": 1, "hit": 1, "use": False}]}
+_REFERENCE, _WINDY = {"references": [{"point": 1, "direction": 3}]}, {"campaign_id": "wind_id"}
+# of hits that are processed anew for an update, which other tests hold
+_ANEW = {
+    name: To(value, beside={"*": {}}, ids={"campaign_id": "long_id"}, waits="never")
+    for name, value in {
+        "estimator": "H2",
+        "windows": {"force_length_s": 0.01, "rate_per_s": 50},
+        "band_hz": [10, 200],
+        "delay_s": 0.001,
+        "false_discovery": 0.9,
+        "overrules": [{"point": 1, "hit": 1, "use": False}],
+    }.items()
+}
 _WEIGHED = {
     "tests": [
         {
@@ -188,11 +201,14 @@ WITHIN: dict[str, dict[str, Any]] = {
     "POST /campaigns/{campaign_id}/processings": {
         **_rows("windows", {"force_length_s": 0.02, "rate_per_s": 20.0}, "later", _WINDOWS),
         **_rows("overrules", {"hit": 2, "use": True}, "hits", _OVERRULED),
+        "references.point": To(2, "spectra", _REFERENCE, ids=_WINDY),
+        "references.direction": To(1, "spectra", _REFERENCE, ids=_WINDY),
     },
     "POST /structures/{structure_id}/forecasts": _rows(
         "points", {"label": 77, "x_m": 0.06, "y_m": 0.015}, "points", {"points": _POINTS}
     ),
     "POST /campaigns/{campaign_id}/update-jobs": {
+        **_rows("processing", _ANEW),
         "hold_out.points": held([4], "frac"),
         "hold_out.band_hz": held([50, 100], "frac"),
     },

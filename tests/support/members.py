@@ -222,7 +222,8 @@ class Trial:
             how["json"] = self.lab.filled(body, ids)
         if self.method in ("PATCH", "PUT", "DELETE") and "If-Match" not in how["headers"]:
             how["headers"]["If-Match"] = "*"
-        client = self.lab.chief if path.startswith("users") else self.lab.api
+        of_all = path.startswith(("users", "laboratory"))
+        client = self.lab.chief if of_all else self.lab.api
         client.cookies.clear()  # of a session that was begun
         return client.request(self.method, path, **how)
 
