@@ -48,7 +48,7 @@ def identify_measured_loads(
         )
     # 1. Identify.
     identification = identify(
-        [replace(each.frfs(), variance=None) for each in recordings], options, report
+        [each.frfs(with_variance=False) for each in recordings], options, report
     )
     # 2. Errors.
     covariance = scatter_of_blocks(identification, recordings)

@@ -93,7 +93,7 @@ class LoadFrfs(BlockSpectra):
         pairs = zip(rows, seen.reshape(rows.shape), strict=True)
         return np.array([pooled(*pair, count) for pair in pairs]).reshape(seen.shape)
 
-    def frfs(self) -> FrfSet:
+    def frfs(self, *, with_variance: bool = True) -> FrfSet:
         """FRFs pair by pair, those of a response side by side."""
         n, r = len(self.responses), len(self.references)
         return FrfSet(
@@ -102,7 +102,7 @@ class LoadFrfs(BlockSpectra):
             tuple(dof for dof in self.responses for _ in self.references),
             self.references * n,
             self.quantity,
-            variance=self.variance.reshape(n * r, -1),
+            variance=self.variance.reshape(n * r, -1) if with_variance else None,
             measured=np.tile(self.separable, (n, 1)),
         )
 
@@ -131,7 +131,7 @@ def frfs_of_loads(
         loads: where and along what each load acts.
         quantities: what each response measures, accelerations where not stated; all are taken to the
             highest derivative.
-        lag_s: longest lag; a 20th of the recording or less where not stated.
+        lag_s: longest lag; a 24th of the recording with one load, less with more, where not stated.
         period_s: after which all loads repeat; found where not stated.
 
     Raises:

@@ -14,7 +14,7 @@ from uuid import UUID
 
 from sqlalchemy import Select, select
 from sqlalchemy.dialects.postgresql import distinct_on
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from fecore import __version__
 from fecore.dynamics.damping_laws import CaugheySeries
@@ -139,16 +139,7 @@ def collect(session: Session, series: MonitorSeries) -> None:
     """Take over the values of update jobs that have ended since: a run becomes `succeeded` with its
     values, or `failed` with the reason.
     """
-    ended = session.execute(
-        select(MonitorRun, Job)
-        .join(Job, Job.id == MonitorRun.update_job_id)
-        .where(
-            MonitorRun.series_id == series.id,
-            MonitorRun.state == "running",
-            Job.state.in_(("succeeded", "failed", "cancelled")),
-        )
-        .execution_options(populate_existing=True)
-    ).all()
+    ended = _ended(session, series, MonitorRun.update_job_id)
     documents = result_documents(session, [job.id for _, job in ended])
     for run, job in ended:
         document = documents.get(job.id)
@@ -163,9 +154,16 @@ def collect(session: Session, series: MonitorSeries) -> None:
 
 def ended_jobs(session: Session, series: MonitorSeries) -> Sequence[tuple[MonitorRun, Job]]:
     """Runs of modes that are under way, each with its job, which has ended."""
+    return _ended(session, series, MonitorRun.job_id)
+
+
+def _ended(
+    session: Session, series: MonitorSeries, of_run: InstrumentedAttribute[UUID | None]
+) -> list[tuple[MonitorRun, Job]]:
+    """Runs that are under way, each with the job that a column of theirs names, which has ended."""
     rows = session.execute(
         select(MonitorRun, Job)
-        .join(Job, Job.id == MonitorRun.job_id)
+        .join(Job, Job.id == of_run)
         .where(
             MonitorRun.series_id == series.id,
             MonitorRun.state == "running",
