@@ -66,6 +66,7 @@ def test_shakers_become_frfs_and_modes(api: httpx.Client) -> None:
     job(api, f"campaigns/{campaign}/identifications", {})
     (modes,) = ok(api.get(f"campaigns/{campaign}/mode-sets"))["items"]
     assert modes["excitation"] == "measured"
+    assert not any("half spectra" in text for text in modes["details"]["warnings"])
     assert modes["window_taken_out_per_s"] == frf["window_rate_per_s"]
     true = np.log(POLES) * RATE
     assert len(modes["modes"]) == 2

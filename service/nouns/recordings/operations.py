@@ -196,14 +196,12 @@ def load_spectra(
     )
 
 
-def beside_frfs(session: Session, campaign_id: UUID) -> list[str]:
+def beside_frfs(spectra: Sequence[HalfSpectra]) -> list[str]:
     """That the half spectra of a campaign are not used, as it has FRFs."""
-    query = select(func.count()).select_from(StoredSpectra).join(Recording)
-    count = session.scalars(query.where(Recording.campaign_id == campaign_id)).one()
-    if not count:
+    if not spectra:
         return []
     return [
-        f"half spectra of {count} recordings of responses are not used beside the FRFs; a campaign"
+        f"half spectra of {len(spectra)} recordings of responses are not used beside the FRFs; a campaign"
         " of their own finds modes in them"
     ]
 

@@ -88,14 +88,15 @@ class IdentificationIn(PolesIn, RequestModel):
 def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
     campaign = load_measured_campaign(session, row.campaign_id)
     spectra, loads = load_spectra(session, row.campaign_id)
+    left = list[str]()
     if campaign.frf_sets:
+        left = beside_frfs(spectra)
         others = has_records(session, row.campaign_id) or any_sent(session, row.campaign_id)
         spectra, loads = (), () if others else loads
     if not (campaign.frf_sets or spectra):
         raise InputError("campaign", campaign.without_frfs(_without_any(session, row.campaign_id)))
     request = IdentificationIn.model_validate(row.options)
     frfs = tuple(used.frfs for used in campaign.frf_sets)
-    left = beside_frfs(session, row.campaign_id) if campaign.frf_sets else []
     windows = [remark for used in campaign.frf_sets if not loads for remark in used.window_remark]
     return IdentificationInputs(
         frfs,
