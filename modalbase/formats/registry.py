@@ -223,6 +223,18 @@ _ROWS = (
         writers=(Writer("npz", "application/x-npz", 24, "frfs.npz:write_npz"),),
     ),
     Format(
+        "npy",
+        "npy",
+        _ARRAYS,
+        _CHANNELS,
+        about="one array of numpy, whose columns are channels",
+        suffixes=(".npy",),
+        media_types=("application/x-npy",),
+        marks=(b"\x93NUMPY",),
+        arrays="records.variables:npy_arrays",
+        parts="records.npz:open_npy",
+    ),
+    Format(
         "mat",
         ".mat",
         _ARRAYS,

@@ -13,14 +13,14 @@ from fecore.arrays import FloatArray
 from fecore.frf import Dof
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import ChannelMapping, Variables, read_mapping
-from modalbase.formats.records.arrays import SAMPLE_RATE
+from modalbase.formats.records.arrays import SAMPLE_RATE, columns_of
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT, Recorded
+from modalbase.formats.records.proposal import units_beside
 from modalbase.formats.records.recording import AnyRecording, Arrays
 from modalbase.formats.records.text import TextRecording
 from modalbase.formats.records.variables import read_named
 from modalbase.formats.registry import FORMATS, load
 from modalbase.formats.tables import Stated
-from modalbase.formats.units import unit_beside
 
 FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
 """A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or
@@ -105,7 +105,7 @@ def mapped_channels(
     file = recording_of(path, form, limit_bytes, document.get("table"))
     left = ("recording", "table") if isinstance(file, TextRecording) else ("recording",)
     rest = {name: value for name, value in document.items() if name not in left}
-    if file.has_rate:
+    if file.rate == SAMPLE_RATE:
         rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
     mapping = read_mapping(rest, file.units, kind)
     if mapping.hit is not None:
@@ -161,5 +161,6 @@ def recording_of(
 
 
 def units_in(variables: Variables, texts: dict[str, str]) -> dict[str, str]:
-    """Units that the texts of a file state of its arrays."""
-    return {name: unit for name in variables if (unit := unit_beside(name, texts))}
+    """Units that the texts of a file state of its arrays, and so of their columns."""
+    names = [name for own, a in variables.items() for name in (own, *columns_of(own, a.shape))]
+    return units_beside(names, texts)

@@ -3,6 +3,7 @@ hit.
 """
 
 import io
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -18,20 +19,59 @@ Variables = dict[str, np.ndarray[Any, Any]]
 SAMPLE_RATE = "sample_rate_hz"
 """Name of the variable that a wav file's own sampling rate becomes."""
 
+MOST_COLUMNS = 1000
+"""Of a matrix whose columns are channels."""
+_COLUMN = re.compile(r"(.+) column [1-9]\d*", re.DOTALL)
+_RATES = ("fs", "sr", "samplerate", "samplingrate", "samplingfrequency")
 _UNEVEN = 1e-3
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
 
 
+def rate_among(names: Iterable[str]) -> str | None:
+    """Which of these single numbers is a sampling rate by its name: `fs`, `SampleRate`, `m.fs`.
+
+    >>> rate_among(["offs", "n", "m.fs"]), rate_among(["gain"])
+    ('m.fs', None)
+    """
+    parts = {
+        name: re.split(r"[^a-z]+", name.lower().removesuffix("hz").rstrip("_")) for name in names
+    }
+    return next(
+        (n for n, own in parts.items() if own[-1] in _RATES or "".join(own[-2:]) in _RATES), None
+    )
+
+
+def columns_of(name: str, shape: Sequence[int]) -> list[str]:
+    """Names of the channels that lie side by side in a matrix; its longer side is the time.
+
+    >>> columns_of("data", (30000, 2)), columns_of("data", (30000, 1))
+    (['data column 1', 'data column 2'], [])
+    """
+    sides = sorted(int(n) for n in shape if n != 1)
+    count = sides[0] if len(sides) == 2 and sides[0] <= MOST_COLUMNS else 0
+    return [f"{name} column {k}" for k in range(1, count + 1)]
+
+
+def array_of(name: str) -> str:
+    """The array of which a name is a column, or itself."""
+    parts = _COLUMN.fullmatch(name)
+    return parts[1] if parts else name
+
+
 def variable(variables: Variables, name: str) -> np.ndarray[Any, Any]:
-    """The array of a name.
+    """The array of a name, or the column of a matrix, `data column 3`.
 
     Raises:
         FormatError: the file has none; lists those that it has.
     """
-    if name not in variables:
-        raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
-    return variables[name]
+    if name in variables:
+        return variables[name]
+    columns = columns_of(own := array_of(name), np.shape(variables.get(own, 0)))
+    if name in columns:
+        table = np.squeeze(variables[own])
+        return (table if table.shape[0] >= table.shape[1] else table.T)[:, columns.index(name)]
+    raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
 
 
 def described(array: np.ndarray[Any, Any]) -> str:

@@ -1,45 +1,57 @@
-"""A recording whose channels are arrays of an npz, part by part: memory holds none of them whole."""
+"""A recording whose channels are arrays of an npz, columns of its matrices, or columns of an npy,
+part by part: memory holds none of them whole.
+"""
 
 import zipfile
-import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, cast
 
 import numpy as np
-from numpy.lib import format as npy
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.npy import HEADERS, members_of, read_array
+from modalbase.formats.npy import ARRAY, Head, arrays_of, head_of, named, read_array
 from modalbase.formats.records.arrays import (
-    SAMPLE_RATE,
     Variables,
     axis_rate,
+    columns_of,
+    rate_among,
     real,
     sampling_rate,
 )
+from modalbase.formats.records.proposal import units_beside
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
-from modalbase.formats.units import unit_beside
 
 _SMALL = 1000  # elements up to which an array is read whole
 
 
 @dataclass(frozen=True)
+class Channel:
+    """Where the samples of a channel lie in an array of a file."""
+
+    array: str  # its name
+    dtype: np.dtype[Any]
+    length: int  # of the channel
+    first: int = 0  # elements before its first sample
+    step: int = 1  # from a sample to the next
+
+
+@dataclass(frozen=True)
 class NpzRecording:
-    """The heads of the arrays of an npz.
+    """The heads of the arrays of an npz or npy.
 
     Attributes:
         path: of the file.
-        kinds: type and length of each array of numbers of one dimension that is no single number.
+        channels: arrays of numbers of one dimension, and columns of those of two.
         small: arrays that are read whole: the rate, texts.
     """
 
     path: Path
-    kinds: dict[str, tuple[np.dtype[Any], int]]
+    channels: dict[str, Channel]
     small: Variables
 
     full_scale, declared = None, True
@@ -47,7 +59,7 @@ class NpzRecording:
     @property
     def names(self) -> list[str]:
         """Of the channels."""
-        return list(self.kinds)
+        return list(self.channels)
 
     @cached_property
     def units(self) -> dict[str, str]:
@@ -57,16 +69,16 @@ class NpzRecording:
             for name, array in self.small.items()
             if array.dtype.kind == "U"
         }
-        return {name: unit for name in self.kinds if (unit := unit_beside(name, texts))}
+        return units_beside(self.channels, texts)
 
     @property
-    def has_rate(self) -> bool:
-        """Whether the file states the sampling rate."""
-        return SAMPLE_RATE in self.small
+    def rate(self) -> str | None:
+        """Name of the single number that is the sampling rate."""
+        return rate_among(name for name, array in self.small.items() if array.size == 1)
 
     def shapes(self) -> dict[str, str]:
         """Type and shape of each channel."""
-        return {name: f"{dtype} [{length}]" for name, (dtype, length) in self.kinds.items()}
+        return {name: f"{own.dtype} [{own.length}]" for name, own in self.channels.items()}
 
     def notes(self, _: Sequence[str]) -> list[str]:
         """Nothing is noticed of its channels."""
@@ -78,44 +90,52 @@ class NpzRecording:
         Raises:
             FormatError: they differ in length or hold no real numbers, or it is no rate.
         """
-        length = self.kinds[names[0]][1]
+        length = self.channels[names[0]].length
         for name in names:
-            dtype, own = self.kinds[name]
-            if own != length or dtype.kind == "c":
-                why = f"is {dtype} [{own}], expected {length} real numbers as {names[0]}"
+            own = self.channels[name]
+            if own.length != length or own.dtype.kind == "c":
+                why = f"is {own.dtype} [{own.length}], expected {length} real numbers as {names[0]}"
                 raise FormatError(name, why)
         numbers = {name: array for name, array in self.small.items() if array.dtype.kind in "fiuc"}
-        if isinstance(stated, str) and self.kinds.get(stated, (None, 0))[1] == length:
-            parts = (part[0] for part in self.chunks([stated]))
-            return axis_rate(stated, parts, length, self.units)
+        axis = self.channels.get(stated) if isinstance(stated, str) else None
+        if axis is not None and axis.length == length:
+            parts = (part[0] for part in self.chunks([cast("str", stated)]))
+            return axis_rate(cast("str", stated), parts, length, self.units)
         return sampling_rate(numbers, stated, length, self.units)
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
-        """(channels, n) parts of these channels in order, in the unit of the file.
+        """(channels, n) parts of these channels in order, in the unit of the file. Columns that lie
+        side by side are read together.
 
         Raises:
             FormatError: an array is damaged or cut short; names it.
         """
-        kind = np.result_type(np.float32, *(self.kinds[name][0] for name in names))
+        own = [self.channels[name] for name in names]
+        kind = np.result_type(np.float32, *(channel.dtype for channel in own))
+        # 1. a stream for what lies together: a channel, or all columns of a matrix
+        at = [(channel.array, channel.first if channel.step == 1 else 0) for channel in own]
         with ExitStack() as files:
-            archives = [files.enter_context(zipfile.ZipFile(self.path)) for _ in names]
-            streams = [
-                files.enter_context(archive.open(f"{name}.npy"))
-                for archive, name in zip(archives, names, strict=True)
-            ]
-            for name, stream in zip(names, streams, strict=True):
-                with _named(name):
-                    _head(stream)
-            left = self.kinds[names[0]][1]
+            streams = dict[tuple[str, int], IO[bytes]]()
+            for (name, first), channel in zip(at, own, strict=True):
+                if (name, first) not in streams:
+                    stream = streams[name, first] = _open(self.path, name, files)
+                    with named(name):
+                        head_of(stream)
+                        stream.seek(stream.tell() + first * channel.dtype.itemsize)
+            # 2. part by part
+            left, frames = own[0].length, max(FRAMES // max(channel.step for channel in own), 1024)
             while left:
-                count = min(left, FRAMES)
+                count = min(left, frames)
+                parts = dict[tuple[str, int], np.ndarray[Any, Any]]()
+                for key, channel in zip(at, own, strict=True):
+                    if key not in parts:
+                        size = count * channel.step
+                        parts[key] = _read(key[0], streams[key], channel.dtype, size)
                 rows = [
-                    _read(name, stream, self.kinds[name][0], count)
-                    for name, stream in zip(names, streams, strict=True)
+                    real(parts[key][channel.first if channel.step > 1 else 0 :: channel.step], name)
+                    for key, channel, name in zip(at, own, names, strict=True)
                 ]
-                yield np.array(
-                    [real(row, name) for name, row in zip(names, rows, strict=True)], kind
-                )
+                yield np.array(rows, kind)
                 left -= count
 
 
@@ -125,44 +145,66 @@ def open_npz(path: Path) -> NpzRecording:
     Raises:
         FormatError: the file is damaged, or holds no channel.
     """
-    kinds: dict[str, tuple[np.dtype[Any], int]] = {}
+    channels: dict[str, Channel] = {}
     small: Variables = {}
-    with _named(""), zipfile.ZipFile(path) as archive:
-        for member in members_of(archive):
-            if not member.filename.endswith(".npy"):
-                continue
-            name = member.filename.removesuffix(".npy")
-            with _named(name), archive.open(member) as stream:
-                shape, dtype = _head(stream)
-                begin = stream.tell()
-            size = int(np.prod([int(n) for n in shape], dtype=object))
-            if dtype.kind in "fiuc" and size > 1 and size == max(shape):
-                if member.file_size - begin != size * dtype.itemsize:
-                    claims = f"claims {size * dtype.itemsize} bytes"
-                    raise FormatError(name, f"{claims} and has {member.file_size - begin}")
-                kinds[name] = dtype, size
-            if size <= _SMALL and dtype.kind in "fiucU":
+    with named(""), zipfile.ZipFile(path) as archive:
+        for name, member in arrays_of(archive).items():
+            with named(name), archive.open(member) as stream:
+                head = head_of(stream)
+                channels |= _channels(name, head, member.file_size - stream.tell())
+            if head.size <= _SMALL and head.dtype.kind in "fiucU":
                 small[name] = read_array(archive, member)
-    if not kinds:
-        raise FormatError("", "holds no array of one dimension, which a channel is")
-    return NpzRecording(path, kinds, small)
+    return _recording(path, channels, small)
 
 
-@contextmanager
-def _named(name: str) -> Iterator[None]:
-    try:
-        yield
-    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(name, f"cannot be read: {' '.join(str(error).split())}") from None
+def open_npy(path: Path) -> NpzRecording:
+    """The head of the array of an npy.
+
+    Raises:
+        FormatError: the file is damaged, or holds no channel.
+    """
+    with named(""), path.open("rb") as stream:
+        channels = _channels(ARRAY, head_of(stream), path.stat().st_size - stream.tell())
+    return _recording(path, channels, {})
 
 
-def _head(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    shape, _, dtype = HEADERS[npy.read_magic(stream)](stream)
-    return shape, dtype
+def _recording(path: Path, channels: dict[str, Channel], small: Variables) -> NpzRecording:
+    if not channels:
+        raise FormatError(
+            "",
+            "holds no channel: expected an array of numbers, or a matrix with a column a channel",
+        )
+    return NpzRecording(path, channels, small)
+
+
+def _channels(name: str, head: Head, present: int) -> dict[str, Channel]:
+    """Those of an array of so many bytes: itself, or its columns."""
+    sides = [int(n) for n in head.shape if n != 1]
+    names = columns_of(name, sides)
+    if head.dtype.kind not in "fiuc" or not (names or len(sides) == 1) or 0 in sides:
+        return {}
+    head.require_present(name, present)
+    if not names:
+        return {name: Channel(name, head.dtype, sides[0])}
+    length, count = max(sides), len(names)
+    # the last axis lies together, or the first
+    together = (sides[0] >= sides[1]) is head.columns_first
+    return {
+        own: Channel(name, head.dtype, length, *((k * length, 1) if together else (k, count)))
+        for k, own in enumerate(names)
+    }
+
+
+def _open(path: Path, name: str, files: ExitStack) -> IO[bytes]:
+    """The bytes of an array with its head."""
+    if not zipfile.is_zipfile(path):
+        return files.enter_context(path.open("rb"))
+    archive = files.enter_context(zipfile.ZipFile(path))
+    return files.enter_context(archive.open(f"{name}.npy"))
 
 
 def _read(name: str, stream: IO[bytes], dtype: np.dtype[Any], count: int) -> np.ndarray[Any, Any]:
-    with _named(name):
+    with named(name):
         data = stream.read(count * dtype.itemsize)
     if len(data) < count * dtype.itemsize:
         raise FormatError(name, "is cut short")

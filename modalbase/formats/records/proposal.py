@@ -12,12 +12,19 @@ from typing import Any, get_args
 
 import numpy as np
 
-from modalbase.formats.records.arrays import ChannelQuantity, Variables
+from modalbase.formats.records.arrays import (
+    ChannelQuantity,
+    Variables,
+    array_of,
+    columns_of,
+    rate_among,
+    variable,
+)
 from modalbase.formats.records.mapping import FEWEST_SAMPLES
-from modalbase.formats.records.scale import units_of
-from modalbase.formats.units import VOLTAGE, read_unit, unit_in_name
+from modalbase.formats.records.recording import AnyRecording
+from modalbase.formats.records.scale import SI, units_of
+from modalbase.formats.units import VOLTAGE, read_unit, unit_beside, unit_in_name
 
-_RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
     "force": ("force", "hammer", "exc", "kraft", "marteau"),
     "acceleration": ("acc", "beschl", "accél"),
@@ -26,7 +33,7 @@ _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
 }
 _TIMES = (".t", "time", "zeit", "temps", "x_value")  # LabVIEW calls the axis X_Value
 # of a table without headings, whose first column may be the time axis
-_UNNAMED = re.compile(r"column \d+")
+_UNNAMED = re.compile(r"(?:.+ )?column \d+", re.DOTALL)
 _OTHERS = ("resp",)  # names a channel, and not what it measures
 
 
@@ -45,14 +52,14 @@ def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dic
         for name, a in variables.items()
         if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)
     }
-    rate = next(
-        (
-            n
-            for n, a in variables.items()
-            if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)
-        ),
-        None,
-    )
+    rate = rate_among(name for name, a in variables.items() if a.size == 1)
+    counts = [len(columns_of(n, a.shape)) for n, a in long.items() if not is_time(n, units)]
+    if len(counts) == 1 or len(set(counts)) > 1:  # channels, and no blocks, lie side by side
+        long = {
+            name: variable(variables, name)
+            for own, a in long.items()
+            for name in columns_of(own, a.shape) or [own]
+        }
     times = [name for name in long if is_time(name, units)] or [
         name for name in long if _UNNAMED.fullmatch(name)
     ][:1]
@@ -80,6 +87,16 @@ def propose_recording(
     """
     channels = [_channel(name, units or {}) for name in names if not is_time(name, units)]
     return {"recording": {"order": []}, "channels": channels}
+
+
+def time_axis(file: AnyRecording) -> str | None:
+    """The channel that is the time axis: by its name, or the first of columns without names where
+    it rises.
+    """
+    named = [name for name in file.names if is_time(name, file.units)]
+    unnamed = [name for name in file.names if _UNNAMED.fullmatch(name)][:1]
+    rising = (name for name in unnamed if _ascends(next(iter(file.chunks([name])))[0]))
+    return next(iter([*named, *rising]), None)
 
 
 def _channel(name: str, units: Mapping[str, str]) -> dict[str, Any]:
@@ -158,6 +175,21 @@ def is_time(name: str, units: Mapping[str, str] | None = None) -> bool:
         (unit := read_unit(text)) is not None and unit.quantity == "time" for text in texts
     )
     return in_time or parts[0] in ("time", "t", "timestamp", "zeitstempel") or bare.endswith(_TIMES)
+
+
+def units_beside(names: Iterable[str], texts: Mapping[str, str]) -> dict[str, str]:
+    """Units that texts of a file state of its arrays and their columns. One that a whole structure
+    has is not that of its time axis.
+
+    >>> units_beside(["Acc.t", "Acc.y column 1"], {"Acc.units": "m/s^2"})
+    {'Acc.y column 1': 'm/s^2'}
+    """
+    stated = {name: unit_beside(array_of(name), texts) for name in names}
+    return {
+        name: text
+        for name, text in stated.items()
+        if text and not (is_time(name) and (unit := read_unit(text)) and unit.quantity in SI)
+    }
 
 
 def _ascends(array: np.ndarray[Any, Any]) -> bool:

@@ -17,7 +17,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, described, sampling_rate
+from modalbase.formats.records.arrays import (
+    Variables,
+    columns_of,
+    described,
+    rate_among,
+    sampling_rate,
+    variable,
+)
 from modalbase.formats.records.mapping import MOST_POINT
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
@@ -47,8 +54,8 @@ class AnyRecording(Protocol):
         """Whether the file says how long it is."""
 
     @property
-    def has_rate(self) -> bool:
-        """Whether it states its sampling rate."""
+    def rate(self) -> str | None:
+        """Name of the single number that is its sampling rate."""
 
     def shapes(self) -> dict[str, str]:
         """Type and shape of each channel."""
@@ -65,7 +72,8 @@ class AnyRecording(Protocol):
 
 @dataclass(frozen=True)
 class Arrays:
-    """A recording whose channels are arrays of one dimension, of an npz, a .mat or a CSV.
+    """A recording whose channels are arrays of one dimension, or columns of a matrix, of a .mat or a
+    CSV.
 
     Attributes:
         variables: all arrays of the file.
@@ -77,22 +85,23 @@ class Arrays:
     full_scale, declared = None, True
 
     @property
-    def has_rate(self) -> bool:
-        """Whether the file states the sampling rate."""
-        return SAMPLE_RATE in self.variables
+    def rate(self) -> str | None:
+        """Name of the single number that is the sampling rate."""
+        return rate_among(name for name, array in self.variables.items() if array.size == 1)
 
     @property
     def names(self) -> list[str]:
         """Of the channels."""
         return [
             name
-            for name, array in self.variables.items()
-            if array.size > 1 and np.squeeze(array).ndim == 1
+            for own, array in self.variables.items()
+            if array.size > 1
+            for name in ([own] if np.squeeze(array).ndim == 1 else columns_of(own, array.shape))
         ]
 
     def shapes(self) -> dict[str, str]:
         """Type, shape and extremes of each channel."""
-        return {name: described(self.variables[name]) for name in self.names}
+        return {name: described(variable(self.variables, name)) for name in self.names}
 
     def notes(self, _: Sequence[str]) -> list[str]:
         """Nothing is noticed of its channels."""
@@ -104,19 +113,17 @@ class Arrays:
         Raises:
             FormatError: they differ in length, or it is no rate.
         """
-        length = self.variables[names[0]].size
-        for name in names:
-            if self.variables[name].size != length or self.variables[name].dtype.kind == "c":
-                raise FormatError(
-                    name,
-                    f"is {described(self.variables[name])}, expected {length} real numbers as"
-                    f" {names[0]}",
-                )
+        first, *others = (variable(self.variables, name) for name in names)
+        length = first.size
+        for name, array in zip(names, (first, *others), strict=True):
+            if array.size != length or array.dtype.kind == "c":
+                why = f"is {described(array)}, expected {length} real numbers as {names[0]}"
+                raise FormatError(name, why)
         return sampling_rate(self.variables, stated, length, self.units)
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) parts of these channels in order, in the unit of the file."""
-        rows = [np.ravel(self.variables[name]) for name in names]
+        rows = [np.ravel(variable(self.variables, name)) for name in names]
         kind = np.result_type(np.float32, *rows)
         for first in range(0, rows[0].size, FRAMES):
             yield np.array([row[first : first + FRAMES] for row in rows], dtype=kind)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.records.arrays import array_of
 from modalbase.formats.units import DIMENSIONS, VOLTAGE, Unit, known_units, read_unit, unit_in_name
 
 _SAME = 0.01  # by which a stated sensitivity may differ from what the unit says
@@ -31,6 +32,8 @@ def units_of(name: str, quantity: Any, stated: Mapping[str, str]) -> tuple[str, 
 
     >>> units_of("Log/ACC (g)", "acceleration", {"Log/ACC (g)": "m/s^2"}), units_of("ACC", "acceleration", {})
     (('m/s^2', 'g'), ())
+    >>> units_of("acc_g column 3", "acceleration", {})
+    ('g',)
 
     Args:
         name: of the channel.
@@ -40,7 +43,7 @@ def units_of(name: str, quantity: Any, stated: Mapping[str, str]) -> tuple[str, 
     """
     own, named = (
         stated.get(name, "").strip(),
-        unit_in_name(name, quantity if quantity in DIMENSIONS else None)[1],
+        unit_in_name(array_of(name), quantity if quantity in DIMENSIONS else None)[1],
     )
     texts = [text for text in (own, named) if text]
     return tuple(texts[:1] if len({read_unit(text) or text for text in texts}) == 1 else texts)

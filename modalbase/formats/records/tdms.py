@@ -50,7 +50,7 @@ class Tdms:
     starts: dict[str, float] = field(default_factory=dict)
 
     full_scale = None
-    has_rate = True
+    rate = SAMPLE_RATE
 
     @property
     def names(self) -> list[str]:

@@ -39,9 +39,9 @@ class TextRecording:
         return self.table.units
 
     @property
-    def has_rate(self) -> bool:
-        """Whether a preamble states the sampling rate."""
-        return self.rate_hz is not None
+    def rate(self) -> str | None:
+        """Name of the sampling rate where a preamble states it."""
+        return None if self.rate_hz is None else SAMPLE_RATE
 
     @property
     def rate_hz(self) -> float | None:

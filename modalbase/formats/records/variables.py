@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.npy import members_of, read_array
+from modalbase.formats.npy import ARRAY, arrays_of, read_array, read_npy
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.text import open_recording
 from modalbase.formats.records.wav import read_wav_head
@@ -99,12 +99,15 @@ def _within(declared: int, limit_bytes: int | None, name: str) -> None:
 def npz_arrays(path: Path, limit_bytes: int | None) -> Variables:
     """The arrays of an npz."""
     with zipfile.ZipFile(path) as archive:
-        members = members_of(archive)
-        _within(sum(member.file_size for member in members), limit_bytes, "")
-        stored = [member for member in members if member.filename.endswith(".npy")]
-        return {
-            member.filename.removesuffix(".npy"): read_array(archive, member) for member in stored
-        }
+        members = arrays_of(archive)
+        _within(sum(member.file_size for member in members.values()), limit_bytes, "")
+        return {name: read_array(archive, member) for name, member in members.items()}
+
+
+def npy_arrays(path: Path, limit_bytes: int | None) -> Variables:
+    """The one array of an npy."""
+    _within(path.stat().st_size, limit_bytes, "")
+    return {ARRAY: read_npy(path)}
 
 
 def mat_arrays(path: Path, limit_bytes: int | None) -> Variables:

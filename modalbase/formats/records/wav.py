@@ -43,7 +43,7 @@ class Wav:
     frames: int
     declared: bool = True
 
-    has_rate = True
+    rate = SAMPLE_RATE
 
     def notes(self, _: Sequence[str]) -> list[str]:
         """Nothing is noticed of its channels."""

@@ -18,6 +18,8 @@ from fecore.signal.half_spectra import longest_lag_s
 from fecore.signal.measured_loads import require_length
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import propose_recording
+from modalbase.formats.records.arrays import SAMPLE_RATE
+from modalbase.formats.records.proposal import time_axis
 from modalbase.formats.records.recording import AnyRecording
 from modalbase.formats.records.text import TextRecording
 from service.compute.recordings import MappedChannels, mapped_channels
@@ -173,16 +175,10 @@ def proposed_responses(
 
 def proposal_of(file: AnyRecording) -> dict[str, Any]:
     """The mapping of a recording that is stated to be of responses: by the names of its channels."""
-    own = {"sample_rate_hz": {"variable": axis}} if (axis := _axis(file)) else {}
+    axis = file.rate or time_axis(file)
+    own = {"sample_rate_hz": {"variable": axis}} if axis and axis != SAMPLE_RATE else {}
     named = propose_recording([name for name in file.names if name != axis], file.units)
     return {**own, **named, "recording": {}}
-
-
-def _axis(file: AnyRecording) -> str | None:
-    from modalbase.formats.records.proposal import is_time
-
-    times = [name for name in file.names if is_time(name, file.units)]
-    return None if file.has_rate or not times else times[0]
 
 
 def _goes_on(chunks: Iterable[FloatArray]) -> bool:

@@ -9,7 +9,10 @@ from scipy.io import savemat, wavfile
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import recognise
+from modalbase.formats.records import propose, read_mapping
+from service.compute.recordings import recording_of
 from service.tasks.import_file.recordings import Channels, channels_of
+from service.tasks.import_file.responses import proposal_of
 from tests.support.uff import axis, function
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
@@ -103,6 +106,13 @@ def written(folder: Path, suffix: str) -> Path:
             header="fs,acc,force",
             comments="",
         )
+    elif suffix == " matrix.npz":
+        np.savez(path, hits=WHOLE, fs=RATE)
+    elif suffix == " matrix.mat":
+        savemat(path, {"hits": WHOLE.T, "fs": RATE})
+    elif suffix in (".npy", " by columns.npy"):
+        order = "F" if "columns" in suffix else "C"
+        np.save(path, np.asarray(np.column_stack((AXIS, *WHOLE)), order=order))
     else:
         content = b""
         for kind, unit, point, samples in ((12, "m/s^2", 33, acc), (13, "N", 4, force)):
@@ -116,12 +126,22 @@ def written(folder: Path, suffix: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv", ".uff"])
+NAMES = {
+    ".uff": ("acceleration_33_3", "force_4_3"),
+    " matrix.npz": ("hits column 1", "hits column 2"),
+    " matrix.mat": ("hits column 1", "hits column 2"),
+    ".npy": ("array column 2", "array column 3"),
+    " by columns.npy": ("array column 2", "array column 3"),
+}
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv", *NAMES])
 def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, suffix: str) -> None:
     own = blocks_of_channels(channels(tmp_path, WHOLE))
-    names = ("acceleration_33_3", "force_4_3") if suffix == ".uff" else ("acc", "force")
+    names = NAMES.get(suffix, ("acc", "force"))
     mapped = two_channels(*names)
-    rate = {} if suffix == ".uff" else {"sample_rate_hz": {"variable": "fs"}}
+    axis = "array column 1" if suffix.endswith(".npy") else "fs"
+    rate = {} if suffix == ".uff" else {"sample_rate_hz": {"variable": axis}}
     path = written(tmp_path, suffix)
     seen = channels_of(
         path, {"recording": {}, "channels": mapped, **rate}, path.name, recognise(path)
@@ -180,3 +200,21 @@ def test_what_a_channel_cannot_be_is_named(
     mapped = two_channels("channel_1", "channel_2", **channel)
     with pytest.raises(FormatError, match=fault):
         channels_of(own.file.path, {"recording": {}, "channels": mapped}, "long.wav", "wav")
+
+
+def test_a_matrix_of_channels_is_proposed_column_by_column(tmp_path: Path) -> None:
+    """Also where the file has a unit in the name of the matrix, and the time in its first column."""
+    np.savez(tmp_path / "g.npz", acc_g=WHOLE.T)
+    file = recording_of(tmp_path / "g.npz", "npz")
+    channels = proposal_of(file)["channels"]
+    assert [channel["variable"] for channel in channels] == ["acc_g column 1", "acc_g column 2"]
+    mapping = {"channels": two_channels("acc_g column 1", "f"), "sample_rate_hz": RATE}
+    assert read_mapping(mapping).channels[0].sensitivity == pytest.approx(1 / 9.80665)
+    by_columns = recording_of(written(tmp_path, " by columns.npy"), "npy")
+    assert proposal_of(by_columns)["sample_rate_hz"] == {"variable": "array column 1"}
+    one_hit = propose({"hit": np.column_stack((AXIS, *WHOLE))})
+    assert [c["variable"] for c in one_hit["channels"]] == ["hit column 2", "hit column 3"]
+    assert one_hit["sample_rate_hz"] == {"variable": "hit column 1"}
+    np.savez(tmp_path / "cube.npz", data=np.zeros((100, 3, 4)))
+    with pytest.raises(FormatError, match="or a matrix with a column a channel"):
+        recording_of(tmp_path / "cube.npz", "npz")

@@ -235,7 +235,7 @@ NO_FILES = (
 )
 DAMAGED = [
     (suffix, _bytes(content), None)
-    for suffix in (".npz", ".mat", ".csv", ".wav")
+    for suffix in (".npz", ".npy", ".mat", ".csv", ".wav")
     for content in NO_FILES
 ]
 DAMAGED += [
@@ -299,7 +299,7 @@ def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> 
     with pytest.raises(FormatError, match=fault):
         read_variables(tmp_path / "hit.csv")
     with pytest.raises(
-        FormatError, match=r"is a '.xlsx' file, expected one of .npz, .mat, .csv, .wav"
+        FormatError, match=r"is a '.xlsx' file, expected one of .npz, .npy, .mat, .csv, .wav"
     ):
         read_variables(tmp_path / "hit.xlsx")
 
