@@ -4,7 +4,7 @@ from pathlib import Path, PurePosixPath
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.registry import FORMATS
-from modalbase.formats.tables import open_table
+from modalbase.formats.tables import WORKBOOK, open_table
 
 _HEAD_BYTES = 1 << 16
 
@@ -23,6 +23,8 @@ def recognise(path: Path, name: str = "") -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     suffix = PurePosixPath(name).suffix.lower()
+    if WORKBOOK.match(head):
+        return "csv"  # whose reader says what to do
     rows = FORMATS.values()
     for row in rows:
         if head.startswith(row.marks) or (row.opening and row.opening.match(head)):

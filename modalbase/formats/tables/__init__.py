@@ -11,9 +11,16 @@ Nothing here imports numpy: the command reads points by it.
 
 from modalbase.formats.tables.layout import Layout, Stated, layout_of
 from modalbase.formats.tables.numbers import is_number, number_reader, real, whole
-from modalbase.formats.tables.reader import TextTable, open_table, read_rows, whole_rows
+from modalbase.formats.tables.reader import (
+    WORKBOOK,
+    TextTable,
+    open_table,
+    read_rows,
+    whole_rows,
+)
 
 __all__ = [
+    "WORKBOOK",
     "Layout",
     "Stated",
     "TextTable",

@@ -5,6 +5,7 @@ arrays.
 import codecs
 import io
 import itertools
+import re
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,14 @@ _MARKS = (
 )
 
 
+WORKBOOK = re.compile(
+    rb"PK\x03\x04.{26}(?:\[Content_Types\]|_rels/|docProps/|xl/|mimetypeapplication/vnd\.oasis)"
+    rb"|\xd0\xcf\x11\xe0",
+    re.DOTALL,
+)
+"""How a workbook of Excel or LibreOffice begins."""
+
+
 def encoding_of(file: BinaryIO) -> str:
     """The encoding of a text: by its mark, by the zeros of UTF-16, UTF-8 where all of it is that,
     else cp1252.
@@ -44,6 +53,8 @@ def encoding_of(file: BinaryIO) -> str:
     """
     head = file.read(4096)
     file.seek(0)
+    if WORKBOOK.match(head):
+        raise FormatError("file", "is a workbook, no text; save its sheet as CSV")
     marked = next((name for mark, name in _MARKS if head.startswith(mark)), None)
     if marked is None and b"\0" in head:
         odd, even = head[1::2].count(0), head[::2].count(0)

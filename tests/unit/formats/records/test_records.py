@@ -16,6 +16,7 @@ from scipy import sparse
 from scipy.io import savemat, wavfile
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.recognise import recognise
 from modalbase.formats.records import (
     TimeBlock,
     Variables,
@@ -292,10 +293,15 @@ def test_of_an_npz_nothing_twice_no_pickle_and_no_more_than_allowed_is_taken(
         ("force,acc\n", "no line of it holds numbers in columns .* it begins 'force,acc'"),
         ("", "no line of it holds numbers in columns .* it is empty"),
         ("for\0ce,acc\n1,2\n", "holds NUL bytes; it is not text"),
+        (
+            "PK\3\4" + 26 * " " + "[Content_Types].xml",
+            "is a workbook, no text; save its sheet as CSV",
+        ),
     ],
 )
 def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> None:
     (tmp_path / "hit.csv").write_text(text)
+    assert recognise(tmp_path / "hit.csv", "hit.csv") == "csv"
     with pytest.raises(FormatError, match=fault):
         read_variables(tmp_path / "hit.csv")
     with pytest.raises(
