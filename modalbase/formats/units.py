@@ -255,7 +255,7 @@ def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None =
     parent, _, own = name.rpartition(".")
     beside = [
         f"{parent}.{end}" if parent else end for end in (*_BESIDE, f"{own}_unit", f"{own}_units")
-    ]
+    ] + [f"{name}@{end}" for end in ("unit", "units", "unit_string")]  # attributes of a dataset
     named = unit_in_name(own, quantity)[1]
     stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
     return stated or named

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 from uuid import uuid4
 
+import h5py
 import httpx
 import numpy as np
 import pytest
@@ -64,6 +65,10 @@ def written(form: str, arrays: dict[str, Any]) -> bytes:
     file = io.BytesIO()
     if form == "npz":
         np.savez(file, **arrays)
+    elif form == "hdf5":
+        with h5py.File(file, "w") as made:
+            for name, array in arrays.items():
+                made[name] = array
     elif form == "mat":
         savemat(file, arrays, do_compression=True)
     elif form == "csv":
@@ -84,7 +89,7 @@ def frfs(form: str) -> bytes:
         "reference_point": 4,
         "reference_direction": -3,
     }
-    if form == "npz":
+    if form in ("npz", "hdf5"):
         return written(form, {"frequency_hz": FREQUENCY, "values": VALUES[np.newaxis], **dofs})
     same = [np.full(FREQUENCY.size, value) for value in dofs.values()]
     return table(
@@ -110,12 +115,12 @@ def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., 
     return send
 
 
-@pytest.mark.parametrize("form", ["npz", "mat", "csv", "wav"])
+@pytest.mark.parametrize("form", ["npz", "mat", "hdf5", "csv", "wav"])
 def test_hits_of_each_format_are_imported(
     api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]], form: str
 ) -> None:
     content, mapping = written(form, hits()), WAV if form == "wav" else MAPPING
-    count = 3 if form in ("npz", "mat") else 1
+    count = 1 if form in ("csv", "wav") else 3
     looked = sent(content, dry_run=True)
     assert (looked["status"], looked["format"], looked["kind"]) == ("succeeded", form, "hits")
     assert {c["variable"] for c in mapping["channels"]} <= looked["found"]["variables"].keys()
@@ -136,7 +141,7 @@ def test_hits_of_each_format_are_imported(
     np.testing.assert_allclose(force, hits()["force"][0], atol=1e-7 if form == "wav" else 0)
 
 
-@pytest.mark.parametrize("form", ["npz", "mat", "csv"])
+@pytest.mark.parametrize("form", ["npz", "hdf5", "mat", "csv"])
 def test_frfs_of_each_format_are_imported(
     api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]], form: str
 ) -> None:

@@ -3,7 +3,9 @@
 import io
 import json
 import re
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -117,30 +119,53 @@ def test_values_that_no_sensor_gives_are_refused_by_the_channel(
     assert "more than any sensor gives" in fault["detail"]
 
 
-def test_a_tdms_lists_its_channels_and_gives_its_hits(
-    api: httpx.Client, campaign: str, finished: Finished
-) -> None:
+def tdms(both: dict[str, np.ndarray]) -> bytes:
     nptdms = pytest.importorskip(
         "nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'"
     )
     file, properties = io.BytesIO(), {"wf_increment": 1 / RATE}
-    force, response = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
     with nptdms.TdmsWriter(file) as written:
-        both = (("force", force), ("acc", response))
         written.write_segment(
-            [nptdms.ChannelObject("daq", name, values, properties) for name, values in both]
+            [nptdms.ChannelObject("daq", name, values, properties) for name, values in both.items()]
         )
+    return file.getvalue()
+
+
+def mdf(both: dict[str, np.ndarray]) -> bytes:
+    asammdf = pytest.importorskip(
+        "asammdf", reason="asammdf is not installed: pip install 'modalbase[mdf]'"
+    )
+    with asammdf.MDF() as file, tempfile.TemporaryDirectory() as folder:
+        file.append(
+            [
+                asammdf.Signal(values.astype(np.float32), np.arange(values.size) / RATE, name=name)
+                for name, values in both.items()
+            ],
+            acq_name="daq",
+        )
+        return Path(file.save(Path(folder, "a.mf4"))).read_bytes()
+
+
+@pytest.mark.parametrize("write", [tdms, mdf])
+def test_a_file_of_channels_lists_them_and_gives_its_hits(
+    api: httpx.Client,
+    campaign: str,
+    finished: Finished,
+    write: Callable[[dict[str, np.ndarray]], bytes],
+) -> None:
+    force, response = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
+    content = write({"force": force, "acc": response})
 
     def send(**query: str) -> dict[str, Any]:
         raw = {"Content-Type": "application/octet-stream"}
         answer = api.post(
-            f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw
+            f"campaigns/{campaign}/imports", content=content, params=query, headers=raw
         )
         ok(answer, 202)
         return finished(answer.headers["Location"])
 
     seen = send(dry_run="true")
-    assert (seen["format"], seen["kind"]) == ("tdms", "hits"), seen
+    assert (seen["format"], seen["kind"]) == (write.__name__, "hits"), seen
     assert seen["found"]["variables"] == {
         f"daq/{name}": f"float32 [{force.size}], {values.min():.3g} to {values.max():.3g}"
         for name, values in (("force", force), ("acc", response))

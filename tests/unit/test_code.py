@@ -257,7 +257,7 @@ def test_every_library_that_is_installed_has_its_licence_listed() -> None:
         *project["dependencies"],
         *(
             one
-            for name in ("server", "mat73", "tdms")
+            for name in ("server", "mat73", "mdf", "tdms")
             for one in project["optional-dependencies"][name]
         ),
     ]

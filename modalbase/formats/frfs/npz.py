@@ -3,7 +3,7 @@
 """
 
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -52,7 +52,15 @@ def read_npz(path: Path, limit_bytes: int | None = None, quantity: Quantity | No
         FormatError: the file is not such an archive, or it is not known what its FRFs are; names
             the array.
     """
-    arrays = _read_arrays(path, limit_bytes)
+    return frfs_of_own(_read_arrays(path, limit_bytes), quantity)
+
+
+def frfs_of_own(arrays: Mapping[str, Array], quantity: Quantity | None) -> Frfs:
+    """FRFs of arrays that have the names of this module; see `read_npz`.
+
+    Raises:
+        FormatError: an array is missing or does not fit; names it.
+    """
     missing = [name for name in REQUIRED if name not in arrays]
     if missing:
         raise FormatError([(name, "is missing") for name in missing])
@@ -122,16 +130,22 @@ def _read_arrays(path: Path, limit_bytes: int | None) -> dict[str, Array]:
                     " allows",
                 )
             known = {f"{name}.npy": name for name in (*REQUIRED, *OPTIONAL)}
-            strange = [
-                (m.filename[:100], "is no array that is read here")
-                for m in members
-                if m.filename not in known
-            ]
-            if strange:
-                raise FormatError(strange[:20])
+            require_own(known.get(member.filename, member.filename) for member in members)
             return {known[member.filename]: read_array(archive, member) for member in members}
     except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError, RuntimeError) as error:
         raise FormatError("", f"the file is not an npz archive: {error}") from None
+
+
+def require_own(names: Iterable[str]) -> None:
+    """Refuse arrays that a file of FRFs without a mapping has no place for.
+
+    Raises:
+        FormatError: names them.
+    """
+    known = {*REQUIRED, *OPTIONAL}
+    strange = [(n[:100], "is no array that is read here") for n in names if n not in known]
+    if strange:
+        raise FormatError(strange[:20])
 
 
 def _integers(name: str, array: Array, count: int) -> Array:
@@ -203,22 +217,32 @@ def write_npz(table: FrfTable, file: IO[bytes]) -> None:
     """
     shape = (len(table.frfs), table.frequency_hz.size)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
-        _member(archive, "frequency_hz", table.frequency_hz)
-        for key in DOFS:
-            _member(
-                archive, key, np.array([getattr(frf, key) for frf in table.frfs], dtype=np.int64)
-            )
-        _member(
-            archive, "averages", np.array([frf.averages or 0 for frf in table.frfs], dtype=np.int64)
-        )
-        _member(archive, "id", np.array([str(frf.id) for frf in table.frfs]))
-        _member(archive, "label", np.array([frf.label for frf in table.frfs], dtype=np.str_))
-        _member(archive, "quantity", np.array(table.quantity))
-        _matrix(archive, "values", shape, table.dtype, (values for _, values in table.spectra()))
-        if table.has_coherence:
-            nothing = np.full(table.frequency_hz.size, np.nan)
-            rows = (nothing if c is None else c for _, c in table.coherences())
-            _matrix(archive, "coherence", shape, np.dtype(np.float64), rows)
+        for name, array in heads_of(table).items():
+            _member(archive, name, array)
+        for name, dtype, rows in matrices_of(table):
+            _matrix(archive, name, shape, dtype, rows)
+
+
+def heads_of(table: FrfTable) -> dict[str, Array]:
+    """What is said of FRFs besides their values, as arrays by name."""
+    dofs = {key: np.array([getattr(f, key) for f in table.frfs], dtype=np.int64) for key in DOFS}
+    return {
+        "frequency_hz": np.asarray(table.frequency_hz),
+        **dofs,
+        "averages": np.array([frf.averages or 0 for frf in table.frfs], dtype=np.int64),
+        "id": np.array([str(frf.id) for frf in table.frfs]),
+        "label": np.array([frf.label for frf in table.frfs], dtype=np.str_),
+        "quantity": np.array(table.quantity),
+    }
+
+
+def matrices_of(table: FrfTable) -> Iterator[tuple[str, np.dtype[Any], Iterable[Array]]]:
+    """Name, type and rows of the values, and of the coherences where some have one."""
+    yield "values", table.dtype, (values for _, values in table.spectra())
+    if table.has_coherence:
+        nothing = np.full(table.frequency_hz.size, np.nan)
+        rows = (nothing if c is None else c for _, c in table.coherences())
+        yield "coherence", np.dtype(np.float64), rows
 
 
 def _member(archive: zipfile.ZipFile, name: str, array: np.ndarray[Any, Any]) -> None:

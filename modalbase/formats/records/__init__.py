@@ -3,7 +3,9 @@ they are, blocks in SI.
 
 variables, text     arrays of a file by name: npz, .mat, CSV, wav; tables of text
 arrays              such arrays with their sampling rate, and time blocks
-tdms, wav, uff, sep005
+npz, hdf5           channels that are arrays of a file, or columns of them, part by part
+clocks              channels with a rate and a start each
+tdms, mdf, wav, uff, sep005
 mapping, proposal   which variable is what, stated or proposed
 recording           one long record of many hits
 scale               sensitivities and units to SI

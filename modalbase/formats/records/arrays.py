@@ -23,7 +23,8 @@ MOST_COLUMNS = 1000
 """Of a matrix whose columns are channels."""
 _COLUMN = re.compile(r"(.+) column [1-9]\d*", re.DOTALL)
 _RATES = ("fs", "sr", "samplerate", "samplingrate", "samplingfrequency")
-_UNEVEN = 1e-3
+UNEVEN = 1e-3
+"""By which the steps of a time axis may differ, of their mean."""
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
 
@@ -129,6 +130,54 @@ def sampling_rate(
     return _plausible(rate)
 
 
+@dataclass(frozen=True)
+class TimeAxis:
+    """A time axis of a recording, in its own unit.
+
+    Attributes:
+        first, last: its ends.
+        step: mean between two values.
+        uneven: by how much one step differs most from it.
+        sample: to which that step leads, from 1.
+    """
+
+    first: float
+    last: float
+    step: float
+    uneven: float
+    sample: int
+
+    @classmethod
+    def of(cls, name: str, parts: Iterable[FloatArray], samples: int) -> "TimeAxis":
+        """The axis of so many values, which come one behind the other.
+
+        Raises:
+            FormatError: a value is no number; names the axis.
+        """
+        count, first, last = 0, 0.0, 0.0
+        steps = {-1: (0.0, 1), 1: (0.0, 1)}  # the shortest and the longest, each with its sample
+        for part in parts:
+            if (bad := np.flatnonzero(~np.isfinite(part))).size:
+                why = f"row {count + bad[0] + 1} of the data has no number; state the rate as a number"
+                raise FormatError(name, f"is not an evenly rising time axis: {why}")
+            own = np.diff(np.concatenate(([last], part) if count else (part,)).astype(float))
+            first = first if count else float(part[0])
+            for sign, (extreme, _) in steps.items() if own.size else ():
+                at = int(np.argmax(sign * own))
+                if steps[sign][1] == 1 or sign * own[at] > sign * extreme:
+                    steps[sign] = float(own[at]), count + at + (1 if count else 2)
+            count, last = count + part.size, float(part[-1])
+        step = (last - first) / max(samples - 1, 1)
+        uneven, sample = max((abs(length - step), at) for length, at in steps.values())
+        return cls(first, last, step, uneven, sample)
+
+    def is_even(self, most: float, rounding: float = 0.0) -> bool:
+        """Whether no step differs by more than a part of the mean one, and a part of the last
+        value, to which values may be rounded.
+        """
+        return self.step > 0 and self.uneven <= most * self.step + rounding * abs(self.last)
+
+
 def axis_rate(
     name: str, parts: Iterable[FloatArray], samples: int, units: Mapping[str, str] | None = None
 ) -> float:
@@ -141,25 +190,16 @@ def axis_rate(
         units: that the file's properties state, by channel.
 
     Raises:
-        FormatError: it does not rise evenly.
+        FormatError: it does not rise evenly; names the sample where it differs most.
     """
-    count, first, last, steps = 0, 0.0, 0.0, (np.inf, -np.inf)
-    for part in parts:
-        if (bad := np.flatnonzero(~np.isfinite(part))).size:
-            why = f"row {count + bad[0] + 1} of the data has no number; state the rate as a number"
-            raise FormatError(name, f"is not an evenly rising time axis: {why}")
-        own = np.diff(np.concatenate(([last], part) if count else (part,)).astype(float))
-        first = first if count else float(part[0])
-        steps = min(steps[0], own.min(initial=np.inf)), max(steps[1], own.max(initial=-np.inf))
-        count, last = count + part.size, float(part[-1])
-    step = (last - first) / (samples - 1)
-    uneven = max(steps[1] - step, step - steps[0])
-    if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(last)):
+    axis = TimeAxis.of(name, parts, samples)
+    if not axis.is_even(UNEVEN, 1e-6):
         raise FormatError(
             name,
-            "is not an evenly rising time axis; state the rate as a number where it is rounded",
+            f"is not an evenly rising time axis, most at sample {axis.sample}; state the rate as a"
+            " number where it is rounded",
         )
-    return _plausible(1 / step / _factor_of(name, "time", units or {}))
+    return _plausible(1 / axis.step / _factor_of(name, "time", units or {}))
 
 
 def _plausible(rate: float) -> float:
@@ -192,7 +232,8 @@ def real(values: np.ndarray[Any, Any], name: str) -> FloatArray:
     """
     if values.dtype.kind == "c":
         raise FormatError(name, "holds complex numbers")
-    return np.asarray(values, dtype=float)
+    with np.errstate(invalid="ignore"):  # what is no number is refused where it is used
+        return np.asarray(values, dtype=float)
 
 
 ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]

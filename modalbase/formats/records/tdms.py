@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
+from modalbase.formats.records.clocks import OwnClocks
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.registry import FORMATS
 from modalbase.formats.types import FloatArray
@@ -24,13 +24,11 @@ from modalbase.formats.units import factor_of
 
 # names of the property
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units", "Units")
-# of a sample, and of a time stamp: what two channels may lie off whole samples
-_WHOLE, _CLOCK_S = 0.01, 1e-6
 _MOST_AT_A_STROKE = 1 << 26  # bytes of DAQmx's own layout, which npTDMS has to read at once
 
 
 @dataclass(frozen=True)
-class Tdms:
+class Tdms(OwnClocks):
     """The head of a TDMS file.
 
     Attributes:
@@ -49,104 +47,19 @@ class Tdms:
     units: dict[str, str] = field(default_factory=dict)
     starts: dict[str, float] = field(default_factory=dict)
 
-    full_scale = None
-    rate = SAMPLE_RATE
+    start_stated_by = "the file's wf_start_offset and wf_start_time"
 
-    @property
-    def names(self) -> list[str]:
-        """Of the channels."""
-        return list(self.lengths)
+    def own_rate(self, name: str) -> float:
+        """Samples a second of a channel; NaN where it states none."""
+        return self.rates[name]
+
+    def start(self, name: str) -> float:
+        """When it begins, in s after the first one."""
+        return self.starts.get(name, 0.0)
 
     def shapes(self) -> dict[str, str]:
         """Type and shape of each channel."""
         return {name: f"float32 [{length}]" for name, length in self.lengths.items()}
-
-    def rate_of(self, names: Sequence[str], stated: float | str) -> float:
-        """Rate of these channels.
-
-        Raises:
-            FormatError: they differ in rate or length, begin at times that lie no whole number of
-                samples apart, another rate is stated, or none is.
-        """
-        late = self._late(names)
-        for name in names[1:]:
-            unlike = late[name] == late[names[0]] and self.lengths[name] != self.lengths[names[0]]
-            if unlike or not np.isclose(
-                self.rates[name], self.rates[names[0]], rtol=1e-9, equal_nan=True
-            ):
-                raise FormatError(
-                    name,
-                    f"differs in rate or length from {names[0]}; the channels of a hit are on one"
-                    " clock",
-                )
-        own = self.rates[names[0]]
-        if np.isnan(own) and isinstance(stated, str):
-            raise FormatError(
-                "mapping.sample_rate_hz",
-                "is missing, and the file states none; state it as a number",
-            )
-        return sampling_rate(
-            {} if np.isnan(own) else {SAMPLE_RATE: np.array(own)}, stated, self.lengths[names[0]]
-        )
-
-    def notes(self, names: Sequence[str]) -> list[str]:
-        """Where some of these channels begin later than others, which are cut to begin with
-        them.
-        """
-        late = self._late(names)
-        first = min(late, key=lambda name: late[name])
-        return [
-            f"{name} begins {samples} samples ({1e3 * samples / self.rates[name]:.4g} ms) after"
-            f" {first}: the channels are aligned by the file's wf_start_offset and wf_start_time"
-            for name, samples in late.items()
-            if samples
-        ]
-
-    def _late(self, names: Sequence[str]) -> dict[str, int]:
-        """Samples by which each of these channels begins after the first of them.
-
-        Raises:
-            FormatError: it is no whole number of samples.
-        """
-        starts = {name: self.starts.get(name, 0.0) for name in names}
-        first = min(starts, key=lambda name: starts[name])
-        late = {}
-        for name, start in starts.items():
-            rate = self.rates[name] if np.isfinite(self.rates[name]) else 0.0
-            samples = (start - starts[first]) * rate
-            late[name] = round(samples)
-            if abs(samples - late[name]) > max(_WHOLE, _CLOCK_S * rate) or (
-                start > starts[first] and not rate
-            ):
-                raise FormatError(
-                    name,
-                    f"begins {1e3 * (start - starts[first]):.6g} ms after {first} (wf_start_offset,"
-                    f" wf_start_time), which is {samples:.4g} samples: they can be aligned by whole"
-                    " samples alone; export them on one clock",
-                )
-        return late
-
-    def arrays(self, names: Sequence[str], limit_bytes: int | None = None) -> Variables:
-        """These channels whole, of a file that holds single hits, and their rate where the file
-        states one.
-
-        Raises:
-            FormatError: they take more bytes than allowed, or cannot be read.
-        """
-        size = 4 * sum(self.lengths[name] for name in names)
-        if limit_bytes is not None and size > limit_bytes:
-            raise FormatError(
-                "",
-                f"takes {size} bytes, more than the {limit_bytes} that are allowed; state"
-                " `recording`",
-            )
-        rate = self.rates[names[0]] if names else np.nan
-        own = {} if np.isnan(rate) else {SAMPLE_RATE: np.array(self.rate_of(names, SAMPLE_RATE))}
-        return (
-            own | dict(zip(names, np.hstack(list(self.chunks(names))), strict=True))
-            if names
-            else own
-        )
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, in the unit of the file.
@@ -155,12 +68,9 @@ class Tdms:
             FormatError: the samples cannot be read.
         """
         with _opened(self.path) as file, self.path.open("rb") as raw, _broken():
-            channels, late = _channels(file), self._late(names)
-            last = max(late.values())
-            count = min(self.lengths[name] - last + late[name] for name in names)
+            channels, (skipped, count) = _channels(file), self.overlap(names)
             parts = (
-                _part(_samples(file, channels[name], raw), last - late[name], count)
-                for name in names
+                _part(_samples(file, channels[name], raw), skipped[name], count) for name in names
             )
             for rows in zip(*map(_even, parts), strict=True):
                 yield np.array(rows)

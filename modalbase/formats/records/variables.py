@@ -15,6 +15,7 @@ import numpy as np
 from modalbase.formats.errors import FormatError
 from modalbase.formats.npy import ARRAY, arrays_of, read_array, read_npy
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
+from modalbase.formats.records.hdf5 import require_inside
 from modalbase.formats.records.text import open_recording
 from modalbase.formats.records.wav import read_wav_head
 from modalbase.formats.registry import FORMATS, load
@@ -193,6 +194,7 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
             nonlocal declared
             if not isinstance(item, h5py.Dataset) or name.startswith("#"):
                 return
+            require_inside(name.replace("/", "."), item)
             if (
                 item.attrs.get("MATLAB_class") == b"char"
                 and item.dtype.kind == "u"

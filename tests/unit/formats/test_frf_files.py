@@ -213,7 +213,7 @@ def written(kind: str) -> bytes:
         (written("npz"), "a.uff", "npz"),
         (written("5"), "", "mat"),
         (written("4"), "a.mat", "mat"),
-        (b"\x89HDF\r\n\x1a\n", "", "mat"),
+        (b"\x89HDF\r\n\x1a\n", "", "hdf5"),
         (written("wav"), "", "wav"),
         (b"    -1\n    15\n", "a.csv", "uff"),
         (b"\xef\xbb\xbf\r\n    -1\r\n", "", "uff"),

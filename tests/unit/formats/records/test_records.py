@@ -305,7 +305,7 @@ def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> 
     with pytest.raises(FormatError, match=fault):
         read_variables(tmp_path / "hit.csv")
     with pytest.raises(
-        FormatError, match=r"is a '.xlsx' file, expected one of .npz, .npy, .mat, .csv, .wav"
+        FormatError, match=r"is a '.xlsx' file, expected one of .npz, .npy, .mat, .h5, .csv, .wav"
     ):
         read_variables(tmp_path / "hit.xlsx")
 
