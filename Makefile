@@ -84,8 +84,8 @@ $(READY): pyproject.toml requirements-dev.lock
 	$(call install,requirements-dev.lock,$(SIZE_DEV))
 	touch $(SERVER) $@
 
-SIZE_SERVER := 580 MB, of which PostgreSQL, scipy, matplotlib and numpy are most
-SIZE_DEV    := 1010 MB with the tools of the tests and checks
+SIZE_SERVER := 630 MB, of which PostgreSQL, scipy, matplotlib and numpy are most
+SIZE_DEV    := 1070 MB with the tools of the tests and checks
 define install
 	@$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "modalbase needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
 	@echo "modalbase: installing into $(VENV), once: $(2)"

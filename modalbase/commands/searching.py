@@ -36,7 +36,7 @@ def search(
         typer.Option(
             "--out",
             "-o",
-            help="File for all rows: .csv, .jsonl, .arrows; or .zip, an archive of campaigns",
+            help="File for all rows: .csv, .jsonl, .arrows, .parquet; or .zip, an archive of campaigns",
         ),
     ] = None,
     trend: Annotated[

@@ -180,6 +180,9 @@ _HITS: Mapping[Kind, tuple[Member, ...]] = {
 }
 _CHANNELS: Mapping[Member, str] = {"quantity": _BY_CHANNEL}
 
+HDF5 = "application/x-hdf5"
+"""Media type of an HDF5 file."""
+
 _ROWS = (
     Format(
         "uff",
@@ -256,7 +259,7 @@ _ROWS = (
         _CHANNELS,
         about="datasets by their path, `daq.acc`, and attributes, `daq.acc@rate`",
         suffixes=(".h5", ".hdf5", ".hdf"),
-        media_types=("application/x-hdf5",),
+        media_types=(HDF5,),
         marks=(b"\x89HDF\r\n\x1a\n",),
         needs=(Dependency("h5py", "h5py", "server"),),
         arrays="records.hdf5:hdf5_arrays",
@@ -264,7 +267,7 @@ _ROWS = (
         frfs="frfs.hdf5:read_hdf5",
         own_names="frfs.hdf5:own_names",
         states_quantity=True,
-        writers=(Writer("hdf5", "application/x-hdf5", 24, "frfs.hdf5:write_hdf5"),),
+        writers=(Writer("hdf5", HDF5, 24, "frfs.hdf5:write_hdf5"),),
     ),
     Format(
         "csv",
@@ -340,7 +343,18 @@ ARROW = Format(
     needs=(Dependency("nanoarrow", "nanoarrow", "server"),),
     writers=(Writer("arrow", "application/vnd.apache.arrow.stream", 50, "frfs.arrow:write_arrow"),),
 )
-ALL = (JSON, *FORMATS.values(), ARROW)
+PARQUET = Format(
+    "parquet",
+    "Parquet",
+    {},
+    about="a table with the columns of the CSV",
+    suffixes=(".parquet",),
+    needs=(Dependency("arro3", "arro3-io", "server"),),
+    writers=(
+        Writer("parquet", "application/vnd.apache.parquet", 50, "frfs.parquet:write_parquet"),
+    ),
+)
+ALL = (JSON, *FORMATS.values(), ARROW, PARQUET)
 """Those of files, of bodies, and those that are only written."""
 
 WRITERS: Mapping[str, Writer] = {

@@ -89,14 +89,16 @@ class Recording(Thing):
         return shape
 
     def save_spectra(self, file: str | Path) -> Path:
-        """Write its spectra to a file: `.uff`, `.npz` or `.json`.
+        """Write its spectra to a file: `.uff`, `.npz`, `.h5`, `.parquet` or `.json`.
 
         Raises:
             ClientError: the name says no format, or no processing has made them yet.
         """
-        return self._save("spectra", file, {f".{name}": name for name in ("uff", "npz", "json")})
+        return self._save("spectra", file, SPECTRA)
 
 
+SPECTRA = {".uff": "uff", ".npz": "npz", ".h5": "hdf5", ".parquet": "parquet", ".json": "json"}
+"""Formats of spectra of a recording, by the end of a file's name."""
 POINT = ("label", "x_m", "y_m", "z_m")
 
 
@@ -496,7 +498,7 @@ class Campaign(Attached, Editable):
         return runs
 
     def export(self, file: str | Path, file_format: str | None = None, **filters: Any) -> Path:
-        """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says;
+        """Write its FRFs to a file: `.uff`, `.npz`, `.h5`, `.csv`, `.json`, `.arrow` or `.parquet`, as its name says;
         `-` is standard output.
 
         Raises:

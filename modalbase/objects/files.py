@@ -20,9 +20,9 @@ MESH_FORMATS = {".vtu": "vtu", ".uff": "uff", ".unv": "uff", ".json": "json"}
 
 FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
 REPORTS = {".html": "html", ".htm": "html", ".pdf": "pdf"}
-ROWS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow"}
+ROWS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow", ".parquet": "parquet"}
 """Formats of a file of rows, by the end of its name."""
-TRENDS = {**FIGURES, ".csv": "csv"}
+TRENDS = {**FIGURES, ".csv": "csv", ".parquet": "parquet"}
 """Formats of a trend's figure and of its points, by the end of a file's name."""
 _LONG = 10_000  # characters of a mapping that an address still has room for, escaped
 SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.objects.files import ROWS, TRENDS, format_of, save_file
+from modalbase.objects.files import FIGURES, ROWS, TRENDS, format_of, save_file
 from modalbase.objects.thing import Access, Addressed, Figure, Table, library
 
 SHOWN = 10
@@ -83,7 +83,7 @@ class SearchResults(Addressed):
         return library("polars").read_ipc_stream(self._file("arrow"))
 
     def save(self, file: str | Path) -> Path:
-        """Write all rows to a file: `.csv`, `.jsonl` or `.arrows`.
+        """Write all rows to a file: `.csv`, `.jsonl`, `.arrows` or `.parquet`.
 
         Raises:
             ClientError: the name says none of these, or there are more rows than a file has.
@@ -232,13 +232,13 @@ class Trend:
         return Figure(self.lab, f"{self.address}/figure", self.query)
 
     def save(self, file: str | Path) -> Path:
-        """Write its points to a `.csv`, or its figure: `.svg`, `.png`, `.pdf`, or `.json` for
+        """Write its points to a `.csv` or `.parquet`, or its figure: `.svg`, `.png`, `.pdf`, or `.json` for
         Plotly.
 
         Raises:
             ClientError: the name says none of these.
         """
-        if format_of(Path(file), TRENDS) != "csv":
+        if format_of(Path(file), TRENDS) in FIGURES.values():
             return self.figure().save(file)
         return save_file(self.lab.connection, self.address, file, TRENDS, **self.query)
 

@@ -163,7 +163,7 @@ class Forecast(Stoppable):
         return Frfs.from_npz(self.lab.rest.get_forecast_frfs(self.fields["id"], format="npz"))
 
     def save_frfs(self, file: str | Path) -> Path:
-        """Write the FRFs: `.uff` with sets 2411 and 58b, `.npz`, `.csv`, `.arrow` or `.json`.
+        """Write the FRFs: `.uff` with sets 2411 and 58b, `.npz`, `.h5`, `.csv`, `.arrow`, `.parquet` or `.json`.
 
         Raises:
             ClientError: the name says no format, or no `damping_ratio` was stated.

@@ -13,6 +13,7 @@ from zipfile import ZipFile, ZipInfo
 from numpy.lib import format as npy
 from sqlalchemy.orm import Session
 
+from modalbase.formats.arrays_out import write_npz
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.frfs.uff import write_uff
 from service.archives.writing import Archive
@@ -31,12 +32,12 @@ from service.nouns.modes.operations import mode_set_for
 from service.nouns.monitors.operations import describe_all as described_monitors
 from service.nouns.monitors.operations import monitors_of, series_for
 from service.nouns.monitors.presentation import series_document
-from service.nouns.recordings.operations import describe_all as described_recordings
 from service.nouns.recordings.operations import (
+    arrays_of,
     recordings_of,
     spectra_of_recording,
-    write_npz,
 )
+from service.nouns.recordings.operations import describe_all as described_recordings
 from service.nouns.records.operations import query_of, sample_bytes
 from service.nouns.records.processings import decisions_of, documents_of
 from service.nouns.records.schemas import HitDecisionOut
@@ -239,7 +240,7 @@ def _write_recordings(session: Session, archive: Archive, folder: str, campaign_
             copy_original(session, row.file_sha256, file)
         if each.spectra is not None:
             with archive.member(f"{folder}/recordings/{row.id}/spectra.npz") as file:
-                write_npz(spectra_of_recording(session, row), file)
+                write_npz(arrays_of(spectra_of_recording(session, row)), file)
 
 
 def _write_results(

@@ -6,6 +6,7 @@ from uuid import UUID
 
 from fastapi import Query, Request, Response
 
+from modalbase.formats.arrays_out import ARRAY_WRITERS
 from service.monitoring import runs
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.monitors import operations as monitors
@@ -53,7 +54,8 @@ from service.platform.web import (
     require_match,
     require_usual,
 )
-from service.platform.web.parameters import there
+from service.platform.web.downloads import spooled
+from service.platform.web.parameters import form_of, there
 
 router = api_router(tags=["monitoring"])
 nouns = NounRoutes(router, monitor_for, MonitorOut, monitors.describe_all, "monitors", "monitor_id")
@@ -195,19 +197,27 @@ def get_series(
     return series_document(session, monitor, monitors.series_for(session, monitor, series))
 
 
-@router.get("/monitors/{monitor_id}/series/rows")
+ROW_TYPES = {"json": "application/json", "parquet": ARRAY_WRITERS["parquet"].media_type}
+
+
+@router.get(
+    "/monitors/{monitor_id}/series/rows",
+    response_model=list[dict[str, Any]],
+    responses={200: {"content": {ROW_TYPES["parquet"]: {}}}},
+)
 def get_series_rows(
     monitor_id: UUID,
     session: SessionDep,
     user: CurrentUser,
+    form: Annotated[str, form_of(ROW_TYPES)],
     series: Version = None,
     parameter: Annotated[
         list[str] | None,
         Query(max_length=100, description="these only, such as `frequency_1`; default: all"),
     ] = None,
-) -> list[dict[str, Any]]:
+) -> Any:
     """The series as flat rows, one for each value, with ISO times: what the JSON and Infinity
-    sources of Grafana read.
+    sources of Grafana read; or as Parquet.
     """
     monitor = monitor_for(session, user, monitor_id)
     shown = series_document(session, monitor, monitors.series_for(session, monitor, series))
@@ -215,7 +225,18 @@ def get_series_rows(
     if unknown := sorted(set(parameter or ()) - set(watched)):
         raise Invalid("parameter", f"{unknown[0]!r} is not watched; {', '.join(watched)} are")
     rows = flat_rows(shown)
-    return rows if parameter is None else [row for row in rows if row["parameter"] in parameter]
+    if parameter is not None:
+        rows = [row for row in rows if row["parameter"] in parameter]
+    if form == "json":
+        return rows
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {name: [row.get(name) for row in rows] for name in names}
+    return spooled(
+        lambda file: ARRAY_WRITERS[form].write(columns, file),
+        ROW_TYPES[form],
+        "series.parquet",
+        {"Vary": "Accept"},
+    )
 
 
 @router.post("/campaigns/{campaign_id}/complete")

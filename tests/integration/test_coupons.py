@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.support.rest import ok
+from tests.support.tables import parquet_rows
 
 # docs/coupons.md, example 1: strain µε, force N, transverse strain µε
 CURVE = [
@@ -160,6 +161,10 @@ def test_a_lost_gauge_is_empty_cells_and_null(
         f"coupons/{coupon['id']}/curve/data", params={"format": "csv"}
     ).text.splitlines()[-1]
     assert last.split(",")[1] == ""
+    accepted = {"Accept": "application/vnd.apache.parquet"}
+    rows = parquet_rows(api.get(f"coupons/{coupon['id']}/curve/data", headers=accepted).content)
+    assert np.isnan(rows[-1]["strain"])
+    assert [row["force"] for row in rows] == sent["series"]["force"]
 
 
 def test_of_a_restarted_machine_one_run_is_chosen(send: Callable[..., httpx.Response]) -> None:

@@ -18,6 +18,7 @@ from fecore.trend import ModesOfRun
 from service.app.supervisor import LocalService
 from tests.reality.test_tower import FAMILIES, runs_of_the_tower
 from tests.support.rest import RAW, client_of, finished, ok, session_client
+from tests.support.tables import parquet_rows
 from tests.support.waiting import until
 
 
@@ -122,6 +123,9 @@ def test_a_change_of_one_percent_raises_one_alarm_that_the_page_explains(
         if each["name"] == raised
         for point in each["points"]
     ]
+    query = {"parameter": raised, "format": "parquet"}
+    content = client.get(f"monitors/{monitor}/series/rows", params=query).content
+    assert [row["value"] for row in parquet_rows(content)] == [row["value"] for row in rows]
     assert {*COVARIATES, "time", "low", "high", "corrected", "outside"} <= rows[-1].keys()
     with session_client(client, base=service.url) as browser:
         query = {"show": ["frequency_2", raised], "over": COVARIATES[0]}

@@ -5,6 +5,7 @@ import json
 from typing import Any
 from uuid import UUID, uuid4
 
+import h5py
 import httpx
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from service.platform.db.engine import make_engine, make_sessions
 from tests.support.hammer import Bench, Simulated, random_body, random_laboratory
 from tests.support.hammer import campaign as simulated_campaign
 from tests.support.rest import ok
+from tests.support.tables import parquet_rows
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
 
@@ -89,6 +91,12 @@ def test_records_become_frfs_and_each_names_its_hits(
     ) as file:
         np.testing.assert_array_equal(file["samples"], samples)
         time = file["time_s"]
+    accepted = {"Accept": "application/x-hdf5"}
+    content = api.get(f"records/{row['id']}/data", headers=accepted).content
+    with h5py.File(io.BytesIO(content)) as made:
+        np.testing.assert_array_equal(made["samples"], samples)
+    content = api.get(f"records/{row['id']}/data", params={"format": "parquet"}).content
+    assert [each["samples"] for each in parquet_rows(content)] == samples
     table = api.get(f"records/{row['id']}/data", params={"format": "csv"}).text
     assert table.startswith("time_s,force\n")
     np.testing.assert_allclose(

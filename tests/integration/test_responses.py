@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import httpx
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pyuff
 from fecore.correlation import mac
 from tests.support.places import shared_file
 from tests.support.rest import RAW, finished, ok, posted
+from tests.support.tables import parquet_rows
 
 Sent = Callable[..., dict[str, Any]]
 
@@ -156,6 +158,12 @@ def test_a_recording_becomes_modes_and_an_update(
     address = f"recordings/{recording['id']}/spectra"
     with np.load(io.BytesIO(api.get(address, params={"format": "npz"}).content)) as arrays:
         auto, lines = arrays["auto"], arrays["frequency_hz"]
+    content = api.get(address, params={"format": "hdf5"}).content
+    with h5py.File(io.BytesIO(content)) as made:
+        np.testing.assert_array_equal(made["auto"], auto)
+    rows = parquet_rows(api.get(address, params={"format": "parquet"}).content)[: lines.size]
+    assert (rows[0]["response_point"], rows[0]["reference_direction"]) == (33, 3)
+    assert [row["real"] for row in rows] == auto[0].tolist()
     tmp_path.joinpath("s.uff").write_bytes(api.get(address, params={"format": "uff"}).content)
     sets = [s for s in pyuff.UFF(str(tmp_path / "s.uff")).read_sets() if s["type"] == 58]
     first = sets[0]

@@ -25,6 +25,7 @@ from tests.support.command import modalbase_here
 from tests.support.furnished import frfs
 from tests.support.laboratory import BEAM
 from tests.support.rest import every_page, ok
+from tests.support.tables import parquet_rows
 
 assert composition.ROUTERS  # so that every table is known
 
@@ -261,6 +262,8 @@ def test_files_have_all_rows(api: httpx.Client, bridge: dict[str, str]) -> None:
         row["temperature_c"] for row in rows
     ]
     assert table.to_pylist()[0]["performed_at"].isoformat() == "2026-04-01T00:00:00+00:00"
+    content = api.get("search/campaigns", params={**query, "format": "parquet"}).content
+    assert parquet_rows(content) == table.to_pylist()
 
 
 def test_what_others_have_is_neither_found_nor_counted(

@@ -3,7 +3,7 @@ that make or use them without it. `modalbase.formats.registry` has the table of 
 
 parts     real columns: real and imaginary parts, or magnitude and phase
 proposal  a mapping for arrays that do not say what they are
-npz, hdf5, csv, json, arrow, mat, uff
+npz, hdf5, csv, json, arrow, parquet, mat, uff
 """
 
 from modalbase.formats.frfs.csv import read_csv, write_csv

@@ -1,17 +1,15 @@
 """FRFs as HDF5: datasets with the names, types and shapes that the arrays of the npz have."""
 
-import shutil
-import tempfile
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
+from modalbase.formats.arrays_out import add_dataset, with_hdf5
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.npz import REQUIRED, frfs_of_own, heads_of, matrices_of, require_own
 from modalbase.formats.frfs.table import Frfs, FrfTable
 from modalbase.formats.records.hdf5 import datasets, opened, whole
-from modalbase.formats.registry import FORMATS
 from modalbase.formats.types import Quantity
 
 
@@ -53,19 +51,14 @@ def write_hdf5(table: FrfTable, file: IO[bytes]) -> None:
         table: the FRFs; their values are taken one FRF at a time.
         file: open for writing bytes.
     """
-    h5py = FORMATS["hdf5"].dependency("h5py")
     shape = (len(table.frfs), table.frequency_hz.size)
-    with tempfile.TemporaryFile() as spool:  # h5py reads what it has written, which file may not
-        with h5py.File(spool, "w") as written:
-            for name, array in heads_of(table).items():
-                text = array.dtype.kind == "U"
-                kind = h5py.string_dtype() if text else array.dtype
-                written.create_dataset(
-                    name, data=array.astype(object) if text else array, dtype=kind
-                )
-            for name, dtype, rows in matrices_of(table):
-                matrix = written.create_dataset(name, shape, dtype)
-                for number, row in enumerate(rows):
-                    matrix[number] = np.asarray(row, dtype=dtype)
-        spool.seek(0)
-        shutil.copyfileobj(spool, file)
+
+    def fill(made: Any) -> None:
+        for name, array in heads_of(table).items():
+            add_dataset(made, name, array)
+        for name, dtype, rows in matrices_of(table):
+            matrix = made.create_dataset(name, shape, dtype)
+            for number, row in enumerate(rows):
+                matrix[number] = np.asarray(row, dtype=dtype)
+
+    with_hdf5(fill, file)

@@ -165,14 +165,3 @@ def as_csv(curve: CouponCurve) -> str:
     for row in zip(*(values.tolist() for values in series_of(curve).values()), strict=True):
         writer.writerow("" if value != value else repr(value) for value in row)
     return text.getvalue()
-
-
-def as_npz(curve: CouponCurve) -> bytes:
-    """The series of a curve as npz: an array by name, SI, NaN where the machine wrote nothing.
-
-    Raises:
-        Damaged: the bytes are not the ones that were stored.
-    """
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **series_of(curve))
-    return buffer.getvalue()

@@ -4,19 +4,21 @@
 `file`.
 """
 
+import io
 import shutil
 import tempfile
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from urllib.parse import quote
 from uuid import UUID
 
-from fastapi import Depends, Query, Request, Response
+from fastapi import Depends, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse
 
+from modalbase.formats.arrays_out import ARRAY_WRITERS
 from service.nouns.coupons import curves, operations
 from service.nouns.coupons.reduction import Reduced, reduce_curve
 from service.nouns.coupons.schemas import (
@@ -38,6 +40,7 @@ from service.platform.web.admission import without_slot
 from service.platform.web.json_body import checked, parse_json
 from service.platform.web.negotiation import content_type, is_json
 from service.platform.web.openapi import BINARY, reads
+from service.platform.web.parameters import form_of
 from service.platform.web.uploads import multipart
 
 MOST_COUPONS = 1000
@@ -129,8 +132,13 @@ coupons = NounRoutes(
     "coupon_id",
 )
 
+CURVE_TYPES = {
+    "json": "application/json",
+    "csv": "text/csv",
+    **{name: writer.media_type for name, writer in ARRAY_WRITERS.items()},
+}
 CURVES: dict[int | str, dict[str, Any]] = {
-    200: {"content": {kind: {} for kind in ("application/json", "text/csv", "application/x-npz")}}
+    200: {"content": {kind: {} for kind in CURVE_TYPES.values()}}
 }
 ORIGINAL: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octet-stream": {}}}}
 
@@ -222,15 +230,19 @@ def get_curve_data(
     coupon_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    file_format: Annotated[Literal["json", "csv", "npz"], Query(alias="format")] = "json",
+    form: Annotated[str, form_of(CURVE_TYPES)],
 ) -> Response:
-    """The raw curve in SI: force N, strains m/m, time s."""
+    """The raw curve in SI: force N, strains m/m, time s; in arrays NaN where the machine wrote
+    nothing.
+    """
     curve = curves.curve_of(session, operations.coupon_for(session, user, coupon_id))
-    headers = {"ETag": f'"{curve.sha256.hex()[:32]}-{file_format}"'}
-    if file_format == "csv":
+    headers = {"ETag": f'"{curve.sha256.hex()[:32]}-{form}"', "Vary": "Accept"}
+    if form == "csv":
         return Response(curves.as_csv(curve), media_type="text/csv", headers=headers)
-    if file_format == "npz":
-        return Response(curves.as_npz(curve), media_type="application/x-npz", headers=headers)
+    if form in ARRAY_WRITERS:
+        file = io.BytesIO()
+        ARRAY_WRITERS[form].write(curves.series_of(curve), file)
+        return Response(file.getvalue(), media_type=CURVE_TYPES[form], headers=headers)
     return JSONResponse(curves.as_json(curve), headers=headers)
 
 

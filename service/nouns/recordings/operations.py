@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import Any, TypeVar
 from uuid import UUID
 
 import numpy as np
@@ -239,23 +239,50 @@ def spectra_of_recording(session: Session, row: Recording) -> HalfSpectra:
     return spectra
 
 
-def write_npz(spectra: HalfSpectra, file: IO[bytes]) -> None:
-    """Write spectra as arrays: power spectra `auto` and `cross`, `half` spectra of the blocks."""
+def arrays_of(spectra: HalfSpectra) -> dict[str, Any]:
+    """Spectra as arrays: power spectra `auto` and `cross`, `half` spectra of the blocks."""
     sensors = {
         name: np.array([(dof.point, dof.direction) for dof in getattr(spectra, name)])
         for name in ("responses", "references")
     }
-    np.savez(
-        file,
-        frequency_hz=spectra.frequency_hz,
-        auto=spectra.autos,
-        cross=spectra.crosses,
-        half=spectra.blocks,
-        weights=spectra.weights,
-        window_rate_per_s=spectra.window_rate_per_s,
-        lag_s=spectra.lag_s,
-        **sensors,  # type: ignore[arg-type]  # names of arrays
-    )
+    return {
+        "frequency_hz": spectra.frequency_hz,
+        "auto": spectra.autos,
+        "cross": spectra.crosses,
+        "half": spectra.blocks,
+        "weights": spectra.weights,
+        "window_rate_per_s": spectra.window_rate_per_s,
+        "lag_s": spectra.lag_s,
+        **sensors,
+    }
+
+
+def columns_of(spectra: HalfSpectra) -> dict[str, Any]:
+    """Power spectra as columns, a row for each line of each pair, that of a sensor with itself
+    first.
+    """
+    pairs = [
+        (dof, dof, own + 0j) for dof, own in zip(spectra.responses, spectra.autos, strict=True)
+    ]
+    pairs += [
+        (dof, reference, spectra.crosses[row, column])
+        for row, dof in enumerate(spectra.responses)
+        for column, reference in enumerate(spectra.references)
+        if dof != reference
+    ]
+    lines = spectra.frequency_hz.size
+    places = {
+        f"{side}_{what}": np.repeat([getattr(pair[k], what) for pair in pairs], lines)
+        for k, side in enumerate(("response", "reference"))
+        for what in ("point", "direction")
+    }
+    values = np.concatenate([pair[2] for pair in pairs])
+    return {
+        **places,
+        "frequency_hz": np.tile(spectra.frequency_hz, len(pairs)),
+        "real": values.real,
+        "imag": values.imag,
+    }
 
 
 def describe_all(session: Session, rows: Sequence[Recording]) -> list[RecordingOut]:

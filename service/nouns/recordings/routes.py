@@ -13,14 +13,16 @@ from sqlalchemy.orm import Session
 from fecore.frf import Dof
 from fecore.signal import HalfSpectra
 from modalbase.formats import uff
+from modalbase.formats.arrays_out import ARRAY_WRITERS
 from modalbase.formats.uff.write import encode
 from service.nouns.campaigns.operations import stored_points
 from service.nouns.recordings.operations import (
     Recording,
+    arrays_of,
+    columns_of,
     describe_all,
     recording_for,
     spectra_of_recording,
-    write_npz,
 )
 from service.nouns.recordings.schemas import (
     DeflectionOf,
@@ -45,7 +47,11 @@ nouns.getting(
     "get_recording", "A recording of responses: its channels, and what its half spectra are."
 )
 
-MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "uff": "application/x-uff"}
+MEDIA_TYPES = {
+    "json": "application/json",
+    **{name: writer.media_type for name, writer in ARRAY_WRITERS.items()},
+    "uff": "application/x-uff",
+}
 FILES: dict[int | str, dict[str, Any]] = {
     200: {"content": {each: {} for each in MEDIA_TYPES.values()}, "description": "The spectra."}
 }
@@ -58,21 +64,26 @@ def get_recording_spectra(
     recording_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    form: Annotated[str, form_of(MEDIA_TYPES, "uff: sets 58 of the power spectra alone")],
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff and parquet: the power spectra alone")],
 ) -> Response:
     """Power spectra of a recording, one-sided, of every sensor and of all with the references; as
-    npz with the half spectra of its blocks too, in which modes are found.
+    npz or HDF5 with the half spectra of its blocks too, in which modes are found.
     """
     row = recording_for(session, user, recording_id)
     spectra = spectra_of_recording(session, row)
     if form == "json":
         return JSONResponse(_as_json(spectra))
-    write = (
-        (lambda file: _write_uff(session, row, spectra, file))
-        if form == "uff"
-        else (lambda file: write_npz(spectra, file))
+    arrays = columns_of if form == "parquet" else arrays_of
+    return spooled(
+        lambda file: (
+            _write_uff(session, row, spectra, file)
+            if form == "uff"
+            else ARRAY_WRITERS[form].write(arrays(spectra), file)
+        ),
+        MEDIA_TYPES[form],
+        f"spectra.{'h5' if form == 'hdf5' else form}",
+        {"Vary": "Accept"},
     )
-    return spooled(write, MEDIA_TYPES[form], f"spectra.{form}", {"Vary": "Accept"})
 
 
 @router.get("/recordings/{recording_id}/deflection")

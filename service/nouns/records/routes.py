@@ -2,13 +2,14 @@
 
 import io
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated
 from uuid import UUID
 
 import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 
+from modalbase.formats.arrays_out import ARRAY_WRITERS
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.records import operations
 from service.nouns.records.processings import decide, decisions_of
@@ -20,12 +21,17 @@ from service.nouns.records.schemas import (
 )
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.web import Cursor, Limit, Page, paged, shown_as
+from service.platform.web.parameters import form_of
 
 router = api_router(tags=["records"])
 
 
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
-MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "csv": "text/csv"}
+MEDIA_TYPES = {
+    "json": "application/json",
+    **{name: writer.media_type for name, writer in ARRAY_WRITERS.items()},
+    "csv": "text/csv",
+}
 
 
 @router.get("/campaigns/{campaign_id}/records")
@@ -62,15 +68,15 @@ def get_record_data(
     record_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    file_format: Annotated[Literal["json", "npz", "csv"], Query(alias="format")] = "json",
+    form: Annotated[str, form_of(MEDIA_TYPES)],
 ) -> Response:
-    """Samples of a time block in SI with their time axis, as JSON, npz or CSV."""
+    """Samples of a time block in SI with their time axis, as JSON, npz, HDF5, Parquet or CSV."""
     row = operations.record_for(session, user, record_id)
     rows = operations.block_rows(session, row.campaign_id, {row.force_point})
     blocks = [r for r in rows[row.force_point, row.force_direction] if r.id == row.id]
     (samples,) = operations.samples_of(session, blocks)
     time = np.arange(samples.size) / row.sample_rate_hz
-    if file_format == "json":
+    if form == "json":
         shown = {
             "sample_rate_hz": row.sample_rate_hz,
             "unit": UNITS[row.quantity],
@@ -78,8 +84,9 @@ def get_record_data(
         }
         return JSONResponse(shown)
     file = io.BytesIO()
-    if file_format == "npz":
-        np.savez(file, time_s=time, samples=samples, sample_rate_hz=np.array(row.sample_rate_hz))
+    if form in ARRAY_WRITERS:
+        arrays = {"time_s": time, "samples": samples, "sample_rate_hz": row.sample_rate_hz}
+        ARRAY_WRITERS[form].write(arrays, file)
     else:
         np.savetxt(
             file,
@@ -89,7 +96,7 @@ def get_record_data(
             header=f"time_s,{row.quantity}",
             comments="",
         )
-    return Response(file.getvalue(), media_type=MEDIA_TYPES[file_format])
+    return Response(file.getvalue(), media_type=MEDIA_TYPES[form], headers={"Vary": "Accept"})
 
 
 @router.delete("/records/{record_id}", status_code=204)

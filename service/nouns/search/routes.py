@@ -1,5 +1,5 @@
 """Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text
-and by words, as JSON, CSV and Arrow; and trends.
+and by words, as JSON, CSV, Arrow and Parquet; and trends.
 """
 
 import csv
@@ -19,6 +19,7 @@ from nanoarrow.ipc import StreamWriter
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
+from modalbase.formats.arrays_out import ARRAY_WRITERS, as_parquet
 from service.nouns.frfs.data import BY_FILTER
 from service.nouns.frfs.operations import frfs_of
 from service.nouns.frfs.routes import FILES, SpectraDep
@@ -101,6 +102,13 @@ def write_arrow(
             )
 
 
+def write_parquet(
+    columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]
+) -> None:
+    """Parquet with the columns of the Arrow stream."""
+    as_parquet(lambda stream: write_arrow(columns, rows, stream), file)
+
+
 def shown(value: Any) -> Any:
     """A value as JSON and CSV have it."""
     if isinstance(value, datetime):
@@ -152,6 +160,7 @@ MEDIA_TYPES = {
     "jsonl": "application/x-ndjson",
     "csv": "text/csv",
     "arrow": "application/vnd.apache.arrow.stream",
+    "parquet": ARRAY_WRITERS["parquet"].media_type,
 }
 MOST_SPECTRA = 20_000
 """FRFs of a file."""
@@ -161,6 +170,7 @@ WRITERS: dict[
     "jsonl": (write_lines, "jsonl"),
     "csv": (write_csv, "csv"),
     "arrow": (write_arrow, "arrows"),
+    "parquet": (write_parquet, "parquet"),
 }
 
 
@@ -301,8 +311,15 @@ Value = Annotated[
     str | None,
     Query(max_length=100, description="what is followed; default: Ex, or frequency_hz of modes"),
 ]
-TREND_TYPES = {name: MEDIA_TYPES[name] for name in ("json", "csv")}
-TrendForm = Annotated[str, form_of(TREND_TYPES, "default: by Accept; CSV has the points")]
+TREND_TYPES = {name: MEDIA_TYPES[name] for name in ("json", "csv", "parquet")}
+TrendForm = Annotated[
+    str, form_of(TREND_TYPES, "default: by Accept; CSV and Parquet have the points")
+]
+
+
+POINTS: dict[int | str, dict[str, Any]] = {
+    200: {"content": {TREND_TYPES[form]: {} for form in ("csv", "parquet")}}
+}
 
 
 def _trend(noun: Trending) -> Callable[..., TrendOut]:
@@ -327,9 +344,7 @@ ModeTrend = Annotated[TrendOut, Depends(_trend("modes"))]
 """The same of modes."""
 
 
-@router.get(
-    "/search/results/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}}
-)
+@router.get("/search/results/trend", response_model=TrendOut, responses=POINTS)
 def get_result_trend(form: TrendForm, trend: ResultTrend) -> Any:
     """A constant of the results that a search finds, over time and temperature: a series for each
     structure, and lines.
@@ -340,9 +355,7 @@ def get_result_trend(form: TrendForm, trend: ResultTrend) -> Any:
     return _as(form, trend)
 
 
-@router.get(
-    "/search/modes/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}}
-)
+@router.get("/search/modes/trend", response_model=TrendOut, responses=POINTS)
 def get_mode_trend(form: TrendForm, trend: ModeTrend) -> Any:
     """Frequency or damping of the modes that a search finds, over time and temperature: a series
     for each mode of a structure.
@@ -356,6 +369,15 @@ def get_mode_trend(form: TrendForm, trend: ModeTrend) -> Any:
 def _as(form: str, trend: TrendOut) -> Any:
     if form == "json":
         return trend
+    if form == "parquet":
+        columns = zip(*flat(trend), strict=True)
+        points = dict(zip(POINT_COLUMNS, columns, strict=False)) or dict.fromkeys(POINT_COLUMNS, ())
+        return spooled(
+            lambda file: ARRAY_WRITERS[form].write(points, file),
+            TREND_TYPES[form],
+            "trend.parquet",
+            {"Vary": "Accept"},
+        )
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(POINT_COLUMNS)

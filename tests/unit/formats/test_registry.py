@@ -23,6 +23,7 @@ from modalbase.formats.frfs import FrfRow, Frfs, read_frfs, write_frfs
 from modalbase.formats.recognise import recognise
 from modalbase.formats.registry import ALL, FORMATS, WRITERS, Dependency, Format, Writer, load
 from tests.support.places import ROOT
+from tests.support.tables import parquet_rows
 
 ROWS = [pytest.param(row, id=row.name) for row in ALL]
 READ = [pytest.param(row, id=row.name) for row in FORMATS.values()]
@@ -142,10 +143,18 @@ def _of_uff(content: bytes, folder: Path) -> Frfs:
     return replace(TABLE, frequency_hz=frfs[0].frequency.points(), values=values)
 
 
+def _of_parquet(content: bytes) -> Frfs:
+    rows = parquet_rows(content)
+    columns = {name: np.array([row[name] for row in rows]) for name in CSV_NUMBERS}
+    values = (columns["real"] + 1j * columns["imag"]).reshape(2, -1)
+    return replace(TABLE, frequency_hz=columns["frequency_hz"][: values.shape[1]], values=values)
+
+
 CSV_NUMBERS = ("frequency_hz", "real", "imag")
 READ_BACK: dict[str, Callable[[bytes, Path], Frfs]] = {
     "json": lambda content, _: _of_json(content),
     "arrow": lambda content, _: _of_arrow(content),
+    "parquet": lambda content, _: _of_parquet(content),
     "uff": _of_uff,
     "uff-ascii": _of_uff,
 }
