@@ -54,21 +54,23 @@ def send_file(
     *,
     mapping: Mapping[str, Any] | None = None,
     sections: Mapping[str, Any] | None = None,
+    campaign: Mapping[str, Any] | None = None,
     **query: Any,
 ) -> dict[str, Any]:
-    """Send a file, with a mapping that says which variable is what, or sections of a mesh; returns
-    the JSON that answers it.
+    """Send a file, with a mapping that says which variable is what, sections of a mesh, or the
+    campaign that it makes; returns the JSON that answers it.
 
     What an address may have no room for, sections or the order of many points, goes in a form.
     """
-    stated = None if mapping is None else json.dumps(mapping)
+    texts = {"mapping": mapping, "campaign": campaign}
+    query |= {name: json.dumps(text) for name, text in texts.items() if text is not None}
     form = {"sections": json.dumps(sections)} if sections is not None else {}
-    if stated is not None and len(stated) > _LONG:
-        form["mapping"] = stated
+    if sum(len(query.get(name, "")) for name in texts) > _LONG:
+        form |= {name: query.pop(name) for name in texts if name in query}
     if form:
         return service.submit(path, file, form, **query)
     with transfer(file.name) as watch:
-        return service.upload(path, file, watch, filename=file.name, mapping=stated, **query)
+        return service.upload(path, file, watch, filename=file.name, **query)
 
 
 def save_file(

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from modalbase.client.rest import require_known
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.files import MESH_FORMATS
 from modalbase.objects.finding import PROJECT, STRUCTURE
-from modalbase.objects.jobs import UpdateJob, update_jobs
+from modalbase.objects.jobs import Import, UpdateJob, update_jobs
 from modalbase.objects.structures import CouponBatch, Forecast, Model, Monitor
 from modalbase.objects.thing import Attached, Editable, Table
 
@@ -286,6 +287,61 @@ class Structure(Attached, Editable):
         """
         body = {"name": name, "boundary": boundary, **_nested(fields)}
         return self._make(Campaign, body, confirm)
+
+    def add_recording(
+        self,
+        file: str | Path,
+        boundary: str,
+        *,
+        name: str | None = None,
+        mapping: Mapping[str, Any] | None = None,
+        wait: bool = True,
+        how: Mapping[str, Any] | None = None,
+        **fields: Any,
+    ) -> Import:
+        """Send a file that is a campaign of its own, in one call; bytes that a campaign of the
+        structure has are not read again.
+
+        Args:
+            file: of any format; monitors run once it was read.
+            boundary: as of `new_campaign`.
+            name: of the campaign; default: the file's without its end.
+            mapping: which variable is what; its `recording` may take `performed_at` and
+                `covariates` from the file.
+            wait: for the end of the reading.
+            how: `kind`, `quantity`, `complete` (false where more files follow) and `confirm` of
+                `POST /structures/{id}/imports`.
+            fields: `performed_at`, `covariates` and what else `new_campaign` takes.
+
+        Returns:
+            The import, with `campaign_id`; `already_imported` says whether it was there.
+
+        Raises:
+            JobFailed: the file could not be read.
+            ClientError: the service refuses it.
+        """
+        path = Path(file)
+        campaign = {"name": name or path.stem, "boundary": boundary, **_nested(fields)}
+        options = dict(how or {})
+        require_known("import_campaign", options)
+        if "complete" in options:
+            options["complete"] = bool(options["complete"])
+        answer = self._send("imports", path, mapping=mapping, campaign=campaign, **options)
+        sent = Import(self.lab, answer)
+        return sent.wait().check() if wait else sent
+
+    def imports(self, sha256: Sequence[str] = (), *, deleted: bool = False) -> list[Import]:
+        """The files that were sent to its campaigns, newest first.
+
+        Args:
+            sha256: of some bytes: of these alone, which says what need not be sent.
+            deleted: into deleted campaigns instead.
+        """
+        gone, parts = deleted or None, [sha256[at : at + 100] for at in range(0, len(sha256), 100)]
+        pages = (
+            self._pages("imports", sha256=part or None, deleted=gone) for part in parts or [()]
+        )
+        return [Import(self.lab, fields) for page in pages for fields in page]
 
     def campaigns(self) -> list[Campaign]:
         """Its campaigns."""

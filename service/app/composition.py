@@ -40,6 +40,7 @@ from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
 from service.platform.access.routes import router as access
 from service.reports.routes import router as results
+from service.tasks.import_file.campaign_routes import router as campaign_imports
 from service.tasks.import_file.routes import router as imports
 from service.tasks.import_file.script_routes import router as scripts
 from service.tasks.plan.routes import router as plans
@@ -50,8 +51,8 @@ NAMED = (imports, updating)
 """Kinds of job whose place is not among the others."""
 
 ROUTERS: tuple[APIRouter, ...] = (
-    access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
-    frfs, records, recordings, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans,
+    access, storage, structures, models, campaigns, instruments, imports, campaign_imports, purging, grid_points, alignment,
+    scripts, frfs, records, recordings, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans,
     search, saved_searches, archives, attachments, laboratory, results, reports, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""

@@ -6,11 +6,13 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
 from tests.support.places import ROOT
+from tests.support.wind import wind
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _BLOCK = re.compile(r"^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -149,6 +151,13 @@ def _shaken() -> dict[str, Any]:
     return {"recording": recording, "rate": rate}
 
 
+def _hour() -> dict[str, Any]:
+    """The file of a recording that states its time, with two slow channels."""
+    slow = {"anemometer": np.array([3.0, 5.0]), "pt100": np.full(60, 0.135)}
+    Path("hour.npz").write_bytes(wind(1, start_unix_s=np.array(1_772_443_800), **slow))
+    return {}
+
+
 AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
     "docs/ambient.md": _responses,
     "docs/coupons.md": _coupon,
@@ -157,5 +166,6 @@ AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
     "docs/modes.md": _measured,
     "docs/jobs.md": _long,
     "docs/monitoring-charts.md": _months,
+    "docs/recordings-that-come.md": _hour,
 }
 """Names that a page's Python takes as given, such as the arrays of a reader's own measurement."""

@@ -227,6 +227,8 @@ write   editor  POST /campaigns/{campaign_id}/alignment
 write   editor  PUT /campaigns/{campaign_id}/frfs/labels, PUT /update-jobs/{job_id}/labels
 read    viewer  GET /update-jobs/{job_id}/labels
 read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/imports, GET /imports/{import_id}
+read    viewer  GET /structures/{structure_id}/imports
+write   editor  POST /structures/{structure_id}/imports
 read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
 read    viewer  GET /campaigns/{campaign_id}/frfs, GET /campaigns/{campaign_id}/frfs/data, GET /frfs/{frf_id}
 read    viewer  GET /frfs/{frf_id}/data, GET /campaigns/{campaign_id}/records, GET /records/{record_id}

@@ -22,6 +22,7 @@ from tests.support.furnished import frfs, record
 from tests.support.members import Lab
 from tests.support.profiles import ANGLE
 from tests.support.rest import RAW, finished, ok, posted
+from tests.support.wind import WIND, wind
 
 ATTACHED = ("project", "structure", "campaign", "update_job", "monitor")
 HOOK = "http://127.0.0.1:9/hook"  # nothing listens there
@@ -105,16 +106,6 @@ MORE_NPZ = _npz(f=2 * SAMPLES, a=SAMPLES[::-1])
 LONG = np.random.default_rng(0).standard_normal(8192) * np.exp(-np.arange(8192) / 2000)
 # more samples than a figure shows at once
 LONG_NPZ = _npz(f=np.where(np.arange(8192) < 5, 1.0, 0.0), a=LONG)
-# responses to loads that nobody measured: a minute of three sensors
-WIND = {
-    "sample_rate_hz": 128.0,
-    "recording": {},
-    "channels": [
-        {"variable": name, "quantity": "acceleration", "sensitivity": 1, "point": point}
-        | {"direction": direction}
-        for name, point, direction in (("a1", 1, 3), ("a2", 2, 3), ("a3", 1, 1))
-    ],
-}
 HITS_NPZ, HITS_CSV = _npz(f=SAMPLES, a=SAMPLES[::-1]), _table({"f": SAMPLES, "a": SAMPLES[::-1]})
 OF_NPZ = {
     "frequency_hz": {"variable": "frequency_hz"},
@@ -124,15 +115,6 @@ OF_NPZ = {
 }
 OF_CSV = {**OF_NPZ, "frf": {"real": "real", "imaginary": "imag"}}
 OF_MAT = {**OF_NPZ, "frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}}
-
-
-def _wind(seed: int) -> bytes:
-    """Noise through a mode at 20 Hz, in all sensors, and what each has of its own."""
-    generator = np.random.default_rng(seed)
-    common, *own = generator.standard_normal((4, 7680))
-    pole = 0.98 * np.exp(2j * np.pi * 20 / 128)
-    mode = scipy.signal.lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], common)
-    return _npz(**{f"a{k}": mode / k + 0.1 * each for k, each in enumerate(own, 1)})
 
 
 class Furnishing:
@@ -194,6 +176,8 @@ class Furnishing:
         )
         self.make("long_record_id", "campaigns/{long_id}/records", content=LONG_NPZ, headers=RAW, params={
             "filename": "long.npz", "mapping": json.dumps(MAPPING)})  # fmt: skip
+        self.make("deleted_import_id", "campaigns/{deleted_campaign_id}/imports", content=FRFS_CSV,
+            headers=RAW, params={"filename": "f.csv", "quantity": "mobility"})  # fmt: skip
         self.make("frf_id", "campaigns/{small_id}/frfs", frfs())
         self.make("second_frf_id", "campaigns/{small_id}/frfs", frfs(2))
 
@@ -203,7 +187,7 @@ class Furnishing:
             "wind_id", "structures/{structure_id}/campaigns", {"name": "wind", "boundary": "free"}
         )
         for seed in (1, 2):
-            self.make("wind_import_id", "campaigns/{wind_id}/imports", content=_wind(seed), headers=RAW, params={
+            self.make("wind_import_id", "campaigns/{wind_id}/imports", content=wind(seed), headers=RAW, params={
                 "filename": f"wind {seed}.npz", "mapping": json.dumps(WIND)})  # fmt: skip
         self.ended()
         self.lab.ids["recording_id"] = ok(

@@ -29,6 +29,7 @@ from tests.support.member_rows_of_things import (
     FRF_FILTER,
     NEW,
     SPECIMEN,
+    STRUCTURE,
     SUPERSEDED,
     unless_named,
 )
@@ -52,6 +53,17 @@ def _imports(hits: Any) -> dict[str, Any]:
         "mapping": (To(_MAPPING, "status", of_hits), Refused('"x"'), Refused("[1]")),
     }
 
+
+_DATED = json.dumps({"name": "hour", "boundary": "free", "performed_at": "2026-03-02T09:30:00Z"})
+_HEAVY = json.dumps({**json.loads(_DATED), "instruments": {"sensor_mass_kg": 50}})
+_CAMPAIGN_OF_FILE: dict[str, Any] = {
+    "campaign": To(_DATED, without=422, beside={"?campaign": None}, status=202),
+    "quantity": "receptance",
+    "kind": Refused("frfs", {"?mapping": '{"recording": {}}'}),
+    "mapping": (Refused('"x"'), Refused("[1]")),
+    "complete": To(False, status=202),  # monitors wait then: test_campaign_imports.py
+    "confirm": To(True, without=422, beside={"?campaign": _HEAVY}, status=202),
+}
 
 UPDATED = {"then": "update-jobs/{id}/result"}
 _TYPED = {"mode_set": "{mode_set_id}"}
@@ -117,6 +129,29 @@ FILES: dict[str, Body] = {
         then="",
     ),
     "GET /campaigns/{campaign_id}/imports": Body(ids={"campaign_id": "small_id"}),
+    "GET /structures/{structure_id}/imports": Body({"sha256": 64 * "0", "deleted": True}),
+    "POST /structures/{structure_id}/imports application/octet-stream": Body(
+        {**_CAMPAIGN_OF_FILE, "filename": "other.csv"},
+        FRFS_CSV,
+        {"quantity": "mobility", "filename": "f.csv", "campaign": _DATED},
+        fresh=STRUCTURE,
+        then="",
+    ),
+    "POST /structures/{structure_id}/imports multipart/form-data": Body(
+        {
+            **_CAMPAIGN_OF_FILE,
+            "filename": "other.csv",
+            "file": To(["f.csv", FRFS_CSV.replace(b"7", b"8")], "sha256"),
+            "body.campaign": To(_DATED, without=422, beside={"?campaign": None}, status=202),
+            "body.mapping": To(
+                MAPPING, "status", {"*": {"file": ["h.csv", HITS_CSV]}, "?quantity": None}
+            ),
+        },
+        _ONE_FILE,
+        {"quantity": "mobility", "campaign": _DATED},
+        fresh=STRUCTURE,
+        then="",
+    ),
     "GET /campaigns/{campaign_id}/grid-points": Body(
         {"limit": Refused(1, {"?format": "csv"}), "cursor": Refused("1", {"?format": "csv"})}
     ),

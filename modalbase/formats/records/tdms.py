@@ -38,6 +38,7 @@ class Tdms(OwnClocks):
         declared: whether the file was closed, and holds what it says.
         units: that a channel states, in the file's own words (`unit_string`).
         starts: of each, in s after the first one, from its `wf_start_time` and `wf_start_offset`.
+        began: when the first one began, s since 1970 in UTC; None where not every channel says.
     """
 
     path: Path
@@ -46,6 +47,7 @@ class Tdms(OwnClocks):
     declared: bool
     units: dict[str, str] = field(default_factory=dict)
     starts: dict[str, float] = field(default_factory=dict)
+    began: float | None = None
 
     start_stated_by = "the file's wf_start_offset and wf_start_time"
 
@@ -89,16 +91,17 @@ def read_tdms_head(path: Path) -> Tdms:
                 "", "is a TDMS without a channel of numbers, or was cut off before them"
             )
         return Tdms(
-            path,
-            {name: len(channel) for name, channel in channels.items()},
-            {name: _rate(channel.properties) for name, channel in channels.items()},
-            not file.file_status.incomplete_final_segment,
-            {
+            path=path,
+            lengths={name: len(channel) for name, channel in channels.items()},
+            rates={name: _rate(channel.properties) for name, channel in channels.items()},
+            declared=not file.file_status.incomplete_final_segment,
+            units={
                 name: unit
                 for name, channel in channels.items()
                 if (unit := _unit(channel.properties))
             },
-            _starts({name: channel.properties for name, channel in channels.items()}),
+            starts=_starts({name: channel.properties for name, channel in channels.items()}),
+            began=_began([channel.properties for channel in channels.values()]),
         )
 
 
@@ -175,6 +178,15 @@ def _starts(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
             starts[name] += float((stamp - min(stamps)) / np.timedelta64(1, "s"))
     earliest = min(starts.values())
     return {name: start - earliest for name, start in starts.items() if start > earliest}
+
+
+def _began(properties: Sequence[Mapping[str, Any]]) -> float | None:
+    """When the first channel began, s since 1970 in UTC; None where not every channel says."""
+    times = [own.get("wf_start_time") for own in properties]
+    if any(time is None for time in times):
+        return None
+    since = [np.datetime64(time, "us") - np.datetime64(0, "us") for time in times]
+    return float(min(since) / np.timedelta64(1, "s"))
 
 
 def _part(parts: Iterator[FloatArray], skip: int, count: int) -> Iterator[FloatArray]:

@@ -156,7 +156,7 @@ def _routes(column: str, noun: str) -> NounRoutes[Attachment, AttachmentOut]:
         attach,
         methods=["POST"],
         status_code=201,
-        openapi_extra=reads(upload("AttachedForm", "caption", CAPTION)),
+        openapi_extra=reads(upload("AttachedForm", caption=CAPTION)),
     )
     nouns.listing(
         f"list_attachments_of_{noun}",

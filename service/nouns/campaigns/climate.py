@@ -169,6 +169,20 @@ def shown_after(name: str) -> str:
     return f"({words})" if unit == "1" else f"{unit} ({words})"
 
 
+_SPELLED = {"degc": "°c", "degcelsius": "°c", "celsius": "°c", "c": "°c", "℃": "°c", "percent": "%"}
+
+
+def is_unit_of(name: str, text: str) -> bool:
+    """Whether the text of a unit means that of a condition or covariate.
+
+    >>> is_unit_of("temperature_deck_c", "deg C"), is_unit_of("wind_m_s", "km/h")
+    (True, False)
+    """
+    own = (CLIMATE[name].unit if name in CLIMATE else unit_of_covariate(name)) or ""
+    bare = "".join(text.lower().split()).replace("^", "").replace("²", "2")
+    return _SPELLED.get(bare, bare) == own.lower().replace("²", "2")
+
+
 def label_of_covariate(name: str) -> str:
     """A covariate in words, without its unit."""
     end = max((e for e in _COVARIATE_UNITS if name.endswith(e)), key=len, default="")

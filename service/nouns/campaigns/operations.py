@@ -15,7 +15,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from modalbase.formats.errors import FormatError
 from modalbase.formats.points import read_points
 from service.compute.frame import SPECIMEN, Frame, make_frame
-from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.climate import CLIMATE, stated
 from service.nouns.campaigns.schemas import (
     CampaignIn,
     CampaignInputs,
@@ -143,6 +143,22 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
     campaign_for.note(session, user, campaign, "change", was=was, now=now)
 
 
+def take_conditions(
+    session: Session, campaign_id: UUID, measured: dict[str, float], performed_at: datetime | None
+) -> None:
+    """Add what a file of a campaign has measured of its conditions, and when it began, to what is
+    not stated yet.
+    """
+    campaign = campaign_for.row(session, campaign_id, lock=True)
+    new = {name: value for name, value in measured.items() if name not in stated(campaign)}
+    for name in new.keys() & CLIMATE.keys():
+        setattr(campaign, name, new[name])
+    others = {name: value for name, value in new.items() if name not in CLIMATE}
+    campaign.covariates = {**campaign.covariates, **others}
+    campaign.performed_at = campaign.performed_at or performed_at
+    session.flush()
+
+
 def describe(campaign: Campaign) -> CampaignOut:
     """A campaign as clients see it; instruments, frame and inputs are filled up with their
     defaults. No query.
@@ -184,6 +200,12 @@ def present_campaigns(session: Session, structures: Select[UUID]) -> Sequence[UU
     """Keys of the campaigns of some structures that are not deleted, oldest first."""
     kept = campaigns_in(structures).where(Campaign.deleted_at.is_(None)).order_by(Campaign.id)
     return session.scalars(kept).all()
+
+
+def among_campaigns(structure_id: UUID, *, deleted: bool) -> Select[UUID]:
+    """Keys of a structure's campaigns, or of its deleted ones, as part of a query."""
+    gone = Campaign.deleted_at.is_not(None) if deleted else Campaign.deleted_at.is_(None)
+    return select(Campaign.id).where(Campaign.structure_id == structure_id, gone)
 
 
 def newest_campaigns(session: Session, structures: Select[UUID], most: int) -> Sequence[Campaign]:

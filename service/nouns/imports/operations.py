@@ -11,7 +11,7 @@ from sqlalchemy import ForeignKey, Index, Select, func, select
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.nouns.campaigns.operations import campaign_for, campaign_of
+from service.nouns.campaigns.operations import among_campaigns, campaign_for, campaign_of
 from service.nouns.frfs.operations import remove_frfs
 from service.nouns.modes.operations import remove_mode_sets
 from service.nouns.recordings.operations import remove_recordings
@@ -92,6 +92,38 @@ def same_bytes(session: Session, draft: Import) -> Import | None:
         .order_by(Import.id)
         .limit(1)
     ).one_or_none()
+
+
+def imports_into(
+    structure_id: UUID, sha256s: Sequence[bytes] = (), *, deleted: bool = False
+) -> Select[Import]:
+    """The query of imports into a structure's campaigns, or into its deleted ones; with digests
+    those of these bytes alone.
+    """
+    campaigns = among_campaigns(structure_id, deleted=deleted)
+    query = select(Import).where(Import.campaign_id.in_(campaigns))
+    return query.where(Import.sha256.in_(sha256s)) if sha256s else query
+
+
+def known_bytes(session: Session, structure_id: UUID, sha256: bytes) -> Import | None:
+    """The import into a structure that has these bytes: one that was read or will be before one
+    that failed, and the newest of them.
+
+    Raises:
+        Conflict: a deleted campaign has them.
+    """
+    for deleted in (False, True):
+        query = imports_into(structure_id, [sha256], deleted=deleted).where(~Import.dry_run)
+        unread = Job.state.in_(("failed", "cancelled"))
+        order = (unread, Import.id.desc())
+        row = session.scalars(query.join(Job, Job.id == Import.id).order_by(*order)).first()
+        if row is not None and deleted:
+            raise Conflict(
+                f"campaign {row.campaign_id}, which is deleted, has these bytes: restore or purge it"
+            )
+        if row is not None:
+            return row
+    return None
 
 
 def remove_import(session: Session, user: User, row: Import) -> None:

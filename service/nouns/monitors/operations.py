@@ -218,13 +218,21 @@ def change_monitor(
     request_check(session, monitor.id)
 
 
-def note_complete(session: Session, user: User, campaign: Campaign) -> CampaignCompletion:
+def note_complete(
+    session: Session, user: User, campaign: Campaign, *, dated_by_file: bool = False
+) -> CampaignCompletion:
     """Note that everything of a campaign is in; the first call makes the note.
 
+    Args:
+        session: the transaction.
+        user: who says so.
+        campaign: which.
+        dated_by_file: a file that is on its way states the date.
+
     Raises:
-        Conflict: the campaign states no date.
+        Conflict: the campaign states no date, and no file does.
     """
-    if campaign.performed_at is None:
+    if campaign.performed_at is None and not dated_by_file:
         raise Conflict(
             "the campaign states no performed_at, so it has no place in a series; state it first"
         )

@@ -297,13 +297,12 @@ def reads(content: Mapping[str, Any], **more: Any) -> dict[str, Any]:
 TEXT, BINARY = {"type": "string"}, {"type": "string", "format": "binary"}
 
 
-def upload(title: str, field: str, description: str) -> dict[str, Any]:
+def upload(title: str, **fields: str) -> dict[str, Any]:
     """Both forms in which a file may be uploaded, as `reads` takes them.
 
     Args:
         title: name of the form's schema.
-        field: the one text that the form may have beside the file.
-        description: of that.
+        fields: the texts that the form may have beside the file, each with its description.
     """
     return {
         # first, since the documentation page sends the first, and this one keeps the file's name
@@ -313,7 +312,7 @@ def upload(title: str, field: str, description: str) -> dict[str, Any]:
             "required": ["file"],
             "properties": {
                 "file": {**BINARY, "description": "the file, with its name"},
-                field: {**TEXT, "description": description},
+                **{name: {**TEXT, "description": text} for name, text in fields.items()},
             },
         },
         "application/octet-stream": BINARY,

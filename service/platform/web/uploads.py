@@ -183,27 +183,31 @@ class Form(Generic[File]):
     fields: Mapping[str, str] = field(default_factory=dict)  # the other fields of the form, as text
 
     def text_of(self, name: str, parameter: str | None = None) -> str | None:
-        """The one text that a form may have beside its file, which may come as a parameter of the
-        query too.
+        """The one text that a form may have beside its file, as `texts_of`."""
+        return self.texts_of({name: parameter})[name]
+
+    def texts_of(self, parameters: Mapping[str, str | None]) -> dict[str, str | None]:
+        """The texts that a form may have beside its file, which may come as parameters of the query
+        too.
 
         Args:
-            name: of the field and of the parameter.
-            parameter: what the query says.
+            parameters: what the query says, by the names of fields and parameters.
 
         Raises:
-            Invalid: the form has another field, or the text is stated at both places.
+            Invalid: the form has another field, or a text is stated at both places.
         """
-        if unknown := sorted(self.fields.keys() - {name}):
-            why = (
-                f"is no field of this form, which has `file` and `{name}`; parameters stand in the"
-                " address"
-            )
-            raise Invalid([Fault(pointer([one]), why) for one in unknown])
-        if parameter is not None and name in self.fields:
-            raise Invalid(
-                name, "is stated twice, in the address and as a field of the form; state it once"
-            )
-        return self.fields.get(name) if parameter is None else parameter
+        listed = " and ".join(f"`{name}`" for name in ("file", *parameters))
+        why = f"is no field of this form, which has {listed}; parameters stand in the address"
+        unknown = sorted(self.fields.keys() - parameters.keys())
+        twice = "is stated twice, in the address and as a field of the form; state it once"
+        both = [name for name in self.fields if parameters.get(name) is not None]
+        faults = [Fault(pointer([one]), why) for one in unknown]
+        if faults := faults or [Fault(one, twice) for one in both]:
+            raise Invalid(faults)
+        return {
+            name: self.fields.get(name) if value is None else value
+            for name, value in parameters.items()
+        }
 
 
 @dataclass(frozen=True)

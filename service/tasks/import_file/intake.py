@@ -45,6 +45,7 @@ from service.platform.errors import Conflict, Invalid, PayloadTooLarge
 from service.tasks.import_file.arrays_of_files import FileDescription
 from service.tasks.import_file.compute import Kept
 from service.tasks.import_file.responses import ReadRecording
+from service.tasks.import_file.using_conditions import use_conditions
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single
@@ -88,6 +89,7 @@ class Intake:
         self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0, "recordings": 0}
         self.records = records
         self.recordings: list[ReadRecording] = []
+        self.conditions: list[str] = []
         self.blocks: set[int] = set()
         self.unused: dict[int, str] = {}
         self.file_bytes = file_bytes
@@ -227,8 +229,12 @@ class Intake:
     def _write_recordings(self) -> None:
         own = {name: getattr(self.row, name) for name in ("campaign_id", "filename")}
         own |= {"import_id": self.row.id, "file_sha256": self.row.sha256}
-        for each in () if self.row.dry_run else self.recordings:
-            store_recording(self.session, **own, **vars(each))
+        for each in self.recordings:
+            known = vars(each) | own
+            conditions = known.pop("conditions")
+            self.conditions += use_conditions(self.session, self.row, conditions)
+            if not self.row.dry_run:
+                store_recording(self.session, **known)
 
     def _write_points(self) -> None:
         if self.new_points and not self.row.dry_run:
@@ -270,7 +276,7 @@ class Intake:
         raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
 
     def _warnings(self) -> list[str]:
-        warnings = list(self.description.notes)
+        warnings = [*self.description.notes, *self.conditions]
         refused = sum(r.outcome == "refused" for r in self.reports)
         if refused:
             warnings.append(

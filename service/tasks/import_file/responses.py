@@ -23,6 +23,7 @@ from modalbase.formats.records.proposal import time_axis
 from modalbase.formats.records.recording import AnyRecording
 from modalbase.formats.records.text import TextRecording
 from service.compute.recordings import MappedChannels, mapped_channels
+from service.tasks.import_file.conditions import STATED, Conditions, read_conditions
 
 _SLICES, _SLICE = 40, 1024
 _BURST = 0.5  # of a channel's power in a 40th of a file, from which it does not go on throughout
@@ -38,6 +39,7 @@ class ReadRecording:
     sample_rate_hz: float
     samples: int  # of each channel
     channels: list[dict[str, Any]]  # as the mapping says, in SI units
+    conditions: Conditions  # what it states of its campaign
 
 
 Throughout = Literal["responses", "loads"]
@@ -79,7 +81,7 @@ def read_responses(
     about = mapping.get("recording") or {}
     if not isinstance(about, dict):
         raise FormatError("mapping.recording", "is not an object")
-    for name in (name for name, value in about.items() if value not in (None, [])):
+    for name in (n for n, value in about.items() if value not in (None, []) and n not in STATED):
         known = name in ("order", "least_force")
         why = f"is of hits, and this is of {kind}; leave it out" if known else "is unknown"
         raise FormatError(f"mapping.recording.{name}", why)
@@ -92,6 +94,7 @@ def read_responses(
         own.sample_rate_hz,
         samples,
         [_described(own, k) for k in range(len(own.mapped))],
+        read_conditions(own.file, about),
     )
     forces = [c.quantity for c in own.mapped].count("force")
     moved = f"{forces} loads" if forces else "no channel is a force: loads that nobody measured"

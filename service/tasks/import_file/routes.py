@@ -121,14 +121,22 @@ def read_mapping(stated: str | None, sent: Upload) -> dict[str, Any] | None:
     Raises:
         Invalid: it is no JSON object, or is stated twice.
     """
-    text = sent.text_of("mapping", stated)
+    return mapping_of(sent.text_of("mapping", stated))
+
+
+def mapping_of(text: str | None) -> dict[str, Any] | None:
+    """The mapping in a text; None of none.
+
+    Raises:
+        Invalid: it is no JSON object.
+    """
     value = {} if text is None else parse_parameter("mapping", text)
     if not isinstance(value, dict):
         raise Invalid("mapping", f"is {str(text)[:40]}, expected an object: {{...}}")
     return None if text is None else value
 
 
-MAPPED_UPLOAD = upload("MappedForm", "mapping", "which variable is what, as JSON")
+MAPPED_UPLOAD = upload("MappedForm", mapping="which variable is what, as JSON")
 
 
 @router.post(

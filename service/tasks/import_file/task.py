@@ -9,15 +9,17 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from service.nouns.campaigns.operations import campaign_for
+from service.nouns.campaigns.operations import campaign_for, create_campaign
 from service.nouns.frfs.operations import quantities_of, writing_frfs
-from service.nouns.imports.operations import has_file, import_for, same_bytes
+from service.nouns.imports.operations import has_file, import_for, known_bytes, same_bytes
+from service.nouns.monitors.operations import note_complete
 from service.nouns.records.operations import RecordIntake
 from service.nouns.storage import book
 from service.nouns.storage.originals import keep_original, original_sizes, write_original
+from service.nouns.structures.operations import structure_for
 from service.platform.access import User
 from service.platform.db.base import one_at_a_time
-from service.platform.errors import Conflict
+from service.platform.errors import Conflict, Invalid
 from service.platform.queue.kinds import REQUESTS
 from service.platform.queue.resource import JobNoun
 from service.tasks.import_file.compute import Kept, ReadingInputs, read_upload
@@ -25,6 +27,7 @@ from service.tasks.import_file.intake import Intake
 from service.tasks.task import BareTask
 
 if TYPE_CHECKING:
+    from service.nouns.campaigns.schemas import CampaignIn
     from service.nouns.imports.operations import Import
     from service.platform.web.uploads import Spooled
 
@@ -102,6 +105,52 @@ def start_import(
     keep_original(session, file)
     queue = REQUESTS if urgent else None
     return IMPORTS.start(session, user, draft, queue=queue, sha256=file.sha256.hex()), True
+
+
+def import_campaign(
+    session: Session,
+    user: User,
+    structure_id: UUID,
+    body: CampaignIn,
+    file: Spooled,
+    draft: Import,
+    *,
+    complete: bool,
+) -> tuple[Import, bool]:
+    """Make a campaign of a file alone and queue the file's reading, in one transaction.
+
+    Bytes that a campaign of the structure has already make no second one: the import that has them
+    is returned, also where it failed.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        structure_id: what was measured.
+        body: the campaign.
+        file: where it lies, with its SHA-256.
+        draft: the import's row to be.
+        complete: the file is all of the campaign, so that monitors need not wait for more.
+
+    Returns:
+        The import, and whether it is a new one.
+
+    Raises:
+        Invalid: neither the campaign nor the mapping states when it was performed.
+        Conflict: a deleted campaign has these bytes.
+        QuotaExceeded: the project has no room for the file.
+    """
+    structure = structure_for(session, user, structure_id, "editor", lock=True)
+    if (known := known_bytes(session, structure.id, file.sha256)) is not None:
+        return known, False
+    recording = (draft.mapping or {}).get("recording")
+    dated_by_file = isinstance(recording, dict) and recording.get("performed_at") is not None
+    if body.performed_at is None and not dated_by_file:
+        why = "is missing: state it, or mapping.recording.performed_at where the file states it"
+        raise Invalid("campaign/performed_at", why)
+    campaign = create_campaign(session, user, structure.id, body)
+    if complete:
+        note_complete(session, user, campaign, dated_by_file=dated_by_file)
+    return start_import(session, user, campaign.id, file, draft)
 
 
 def _require_alike(session: Session, known: Import, draft: Import) -> None:

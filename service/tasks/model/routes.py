@@ -204,7 +204,7 @@ of_jobs = JobRoutes(router, MODELS, ModelOut, "model_id", _with_files)
 THERE: dict[int | str, dict[str, Any]] = {
     200: {"model": ModelOut, "description": "The structure is this model already"}
 }
-MESH_UPLOAD = upload("ModelForm", "sections", "of a mesh: what each set is, as JSON")
+MESH_UPLOAD = upload("ModelForm", sections="of a mesh: what each set is, as JSON")
 
 
 @router.post(
