@@ -4,7 +4,8 @@ measurement files.
 No database and no server is needed for it. `modalbase.connect()` gives the service's projects,
 structures, campaigns and jobs; `modalbase.read_uff(path)` yields what is in a Universal File Format
 file. `modalbase.formats` has all the formats, `modalbase.objects` the nouns of a service,
-`modalbase.commands` the commands that are written on them, `modalbase.client` HTTP beneath,
+`modalbase.watch` sends files that appear in folders, `modalbase.commands` has the commands that are
+written on these, `modalbase.client` HTTP beneath,
 `modalbase.archive` the name of an archive's form.
 """
 

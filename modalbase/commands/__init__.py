@@ -5,6 +5,7 @@ command imports those below it in this list alone:
 app           the commands, ready to be added to the application; `login`
 exporting     files of the service
 searching     `find`: rows over all projects, trends
+watching      `watch`: files that appear in folders
 updating      updates, their results, monitors, alarms
 measuring     files, points, hits, FRFs, modes of a campaign
 inventory     projects, structures and their models, campaigns, coupons

@@ -15,6 +15,7 @@ from modalbase.commands.measuring import frfs, hits, import_files, modes, points
 from modalbase.commands.options import say_next
 from modalbase.commands.searching import search
 from modalbase.commands.updating import alarms, jobs, monitors, result, update
+from modalbase.commands.watching import watch
 
 
 def login(
@@ -42,7 +43,7 @@ def login(
 
 COMMANDS = (
     login, import_archive, projects, structures, model, campaigns, points, hits, frfs, modes, coupons,
-    update, jobs, result, figure, report, export, cards, monitors, alarms,
+    update, jobs, result, figure, report, export, cards, monitors, alarms, watch,
 )  # fmt: skip
 
 
