@@ -3,8 +3,8 @@ rate.
 
 `assess` is the entry point of monitors: series of dated estimates and a `Watch` in, an `Assessment`
 out. The rooms in the order in which data flows: series, charts, autocorrelation, baseline, states,
-change, common_factor, assessment, explanations, patterns, document. `tracking` says which modes of
-several runs are the same, and `mode_series` makes series of them.
+change, common_factor, assessment, explanations, patterns, document. `tracking` says by `track_states`
+which modes of several runs are the same, and `mode_series` makes series of them.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess
@@ -15,12 +15,12 @@ from fecore.trend.charts import Chart, Limits, alarm_probability, average_run_le
 from fecore.trend.mode_series import ModeSeries, ModesOfRun, mode_series
 from fecore.trend.series import Direction, Series, Watch, in_time_order
 from fecore.trend.states import Acknowledgement, Condition, Event, Moment, State, step, worst
-from fecore.trend.tracking import Shape, TrackedMode, Tracks, follow, track
+from fecore.trend.tracking import Following, Shape, TrackedMode, Tracks, follow, track
 
 __all__ = [
     "Acknowledgement", "Assessment", "Autocorrelation", "Baseline", "ChangePoint", "Chart", "Condition",
-    "Direction", "Event", "Limits", "Line", "ModeSeries", "ModesOfRun", "Moment", "ParameterTrend", "Rate", "Scores",
-    "Series", "Shape", "State", "TrackedMode", "Tracks", "Watch", "alarm_probability", "assess",
-    "average_run_length", "change_point", "control_limits", "fit_baseline", "follow", "in_time_order", "line",
-    "mode_series", "rate", "rate_since_onset", "score", "step", "track", "worst",
+    "Direction", "Event", "Following", "Limits", "Line", "ModeSeries", "ModesOfRun", "Moment", "ParameterTrend",
+    "Rate", "Scores", "Series", "Shape", "State", "TrackedMode", "Tracks", "Watch", "alarm_probability",
+    "assess", "average_run_length", "change_point", "control_limits", "fit_baseline", "follow", "in_time_order",
+    "line", "mode_series", "rate", "rate_since_onset", "score", "step", "track", "worst",
 ]  # fmt: skip

@@ -23,7 +23,7 @@ import numpy as np
 
 from fecore.normal import SD_OF_MAD
 from fecore.trend.series import Series, days_since
-from fecore.trend.tracking import TrackedMode, follow
+from fecore.trend.tracking import TrackedMode, Tracks, follow
 
 EXACT = 1e-6
 """Relative standard deviation where none is stated: the scatter between campaigns then is all
@@ -53,12 +53,16 @@ class ModeSeries:
     newcomers: tuple[tuple[float, str], ...] = ()
 
 
-def mode_series(runs: Sequence[ModesOfRun], baseline: int) -> ModeSeries:
+def mode_series(
+    runs: Sequence[ModesOfRun], baseline: int, tracks: Tracks | None = None
+) -> ModeSeries:
     """Series of frequencies and damping ratios of the modes of a structure.
 
     Args:
         runs: in any order.
         baseline: how many runs, of the first ones, decide which modes are watched.
+        tracks: of the runs; by default they are followed. Where they are known, any of the runs
+            after the baseline may be left out.
 
     Raises:
         InputError: a mode is none (`fecore.trend.tracking.follow`).
@@ -66,9 +70,11 @@ def mode_series(runs: Sequence[ModesOfRun], baseline: int) -> ModeSeries:
     if not runs:
         return ModeSeries({})
     order = sorted(range(len(runs)), key=lambda at: runs[at].performed_at)
-    days = days_since(runs[order[0]].performed_at, [run.performed_at for run in runs])
-    tracks = follow([run.modes for run in runs], days.tolist())
-    watched = tracks.confirmed(order[:baseline])
+    if tracks is None:
+        days = [day_of(run.performed_at) for run in runs]
+        tracks = follow([run.modes for run in runs], days)
+    hz = _frequencies(runs, tracks)
+    watched = sorted(tracks.confirmed(order[:baseline]), key=lambda k: hz[k])
     until = runs[order[min(baseline, len(runs)) - 1]].performed_at
     series: dict[str, Series] = {}
     notes: list[str] = []
@@ -102,19 +108,33 @@ def mode_series(runs: Sequence[ModesOfRun], baseline: int) -> ModeSeries:
                     f"{name}: runs differ by {ratio:.2g} of their stated standard deviations, so a"
                     " change will be noticed late; state smaller ones if you know them"
                 )
-    later = tracks.confirmed(order[baseline:])
+    later = sorted(tracks.confirmed(order[baseline:]), key=lambda k: hz[k])
     new = [k for k in later if k not in watched and k not in _of(tracks.numbers, order[:baseline])]
     return ModeSeries(
         series,
         tuple(notes),
         tuple(
             (
-                float(tracks.frequency_hz[k]),
+                hz[k],
                 next(runs[at].label for at in order if k in tracks.numbers[at]),
             )
             for k in new
         ),
     )
+
+
+def day_of(date: datetime) -> float:
+    """A date as days from one origin for all."""
+    return float(days_since(datetime(2000, 1, 1, tzinfo=date.tzinfo), [date])[0])
+
+
+def _frequencies(runs: Sequence[ModesOfRun], tracks: Tracks) -> dict[int, float]:
+    """Mean frequency of each track."""
+    seen: dict[int, list[float]] = {}
+    for run, numbers in zip(runs, tracks.numbers, strict=True):
+        for mode, k in zip(run.modes, numbers, strict=True):
+            seen.setdefault(k, []).append(math.log(mode.frequency_hz))
+    return {k: math.exp(math.fsum(each) / len(each)) for k, each in seen.items()}
 
 
 class _Value(NamedTuple):
