@@ -7,7 +7,7 @@ change, common_factor, assessment, explanations, patterns, document. `tracking` 
 which modes of several runs are the same, and `mode_series` makes series of them.
 """
 
-from fecore.trend.assessment import Assessment, ParameterTrend, assess
+from fecore.trend.assessment import Assessment, Before, ParameterTrend, Window, assess
 from fecore.trend.autocorrelation import Autocorrelation
 from fecore.trend.baseline import Baseline, Scores, fit_baseline, score
 from fecore.trend.change import ChangePoint, Line, Rate, change_point, line, rate, rate_since_onset
@@ -18,9 +18,10 @@ from fecore.trend.states import Acknowledgement, Condition, Event, Moment, State
 from fecore.trend.tracking import Following, Shape, TrackedMode, Tracks, follow, track
 
 __all__ = [
-    "Acknowledgement", "Assessment", "Autocorrelation", "Baseline", "ChangePoint", "Chart", "Condition",
-    "Direction", "Event", "Following", "Limits", "Line", "ModeSeries", "ModesOfRun", "Moment", "ParameterTrend",
-    "Rate", "Scores", "Series", "Shape", "State", "TrackedMode", "Tracks", "Watch", "alarm_probability",
-    "assess", "average_run_length", "change_point", "control_limits", "fit_baseline", "follow", "in_time_order",
-    "line", "mode_series", "rate", "rate_since_onset", "score", "step", "track", "worst",
+    "Acknowledgement", "Assessment", "Autocorrelation", "Baseline", "Before", "ChangePoint", "Chart",
+    "Condition", "Direction", "Event", "Following", "Limits", "Line", "ModeSeries", "ModesOfRun", "Moment",
+    "ParameterTrend", "Rate", "Scores", "Series", "Shape", "State", "TrackedMode", "Tracks", "Watch", "Window",
+    "alarm_probability", "assess", "average_run_length", "change_point", "control_limits", "fit_baseline",
+    "follow", "in_time_order", "line", "mode_series", "rate", "rate_since_onset", "score", "step", "track",
+    "worst",
 ]  # fmt: skip

@@ -20,11 +20,42 @@ from fecore.trend.baseline import Baseline, Scores, complete_campaigns, fit_base
 from fecore.trend.change import ChangePoint, Rate, change_point, rate, rate_since_onset
 from fecore.trend.charts import KNOWN, Limits, control_limits
 from fecore.trend.common_factor import common_factor
-from fecore.trend.series import SIDES, Direction, Series, Watch, days_since, in_time_order
-from fecore.trend.states import Acknowledgement, Moment, State, timeline, worst
+from fecore.trend.series import (
+    SIDES,
+    Direction,
+    Series,
+    Watch,
+    days_since,
+    in_time_order,
+    later,
+    listed,
+)
+from fecore.trend.states import Acknowledgement, Condition, Moment, State, timeline, worst
 
 _FEWEST_FOR_RATE = 3  # watched campaigns
 _NOTICED = 1.15  # factor of the limits from which a note says why they are wide
+
+
+@dataclass(frozen=True)
+class Before:
+    """What the campaigns before a window leave of a parameter: all that those in it need of
+    them.
+    """
+
+    date: datetime  # of the last one
+    statistic: Mapping[str, float]  # chart values, by direction
+    condition: Condition
+
+
+@dataclass(frozen=True)
+class Window:
+    """The campaigns of a long series that are judged. Those before it have been, and of these only
+    the baseline's and some more come again, which say how fast a parameter changes.
+    """
+
+    after: datetime | None  # the last one before it; None: all after the baseline are judged
+    before: Mapping[str, Before] = field(default_factory=dict)  # by parameter that has any
+    baseline_until: datetime | None = None  # a campaign after that is in no baseline
 
 
 @dataclass(frozen=True)
@@ -72,11 +103,15 @@ class Assessment:
         return worst(tuple(p.state for p in self.parameters.values()))
 
 
+ALL = Window(None)
+
+
 def assess(
     series: Mapping[str, Series],
     watch: Watch,
     as_of: datetime | None = None,
     acknowledgements: Sequence[Acknowledgement] = (),
+    window: Window = ALL,
 ) -> Assessment:
     """Judge the series of a structure.
 
@@ -85,6 +120,7 @@ def assess(
         watch: the recipe.
         as_of: now, so that a late campaign is recognised; by default the last campaign.
         acknowledgements: of alarms, in any order.
+        window: which campaigns are judged; the others in the series have been.
 
     Raises:
         InputError: a watched parameter without a series, two campaigns at one time, faulty values,
@@ -99,7 +135,7 @@ def assess(
         if note.parameter not in watch.directions:
             raise InputError("acknowledgements.parameter", f"{note.parameter!r} is not watched")
     trends = {
-        name: _parameter(series[name], direction, watch, as_of, acknowledgements)
+        name: _parameter(series[name], direction, watch, as_of, acknowledgements, window)
         for name, direction in watch.directions.items()
     }
     return Assessment(trends, _together(tuple(trends.values()), watch.covariates))
@@ -128,26 +164,34 @@ def _parameter(
     watch: Watch,
     as_of: datetime | None,
     notes: Sequence[Acknowledgement],
+    window: Window,
 ) -> ParameterTrend:
     ordered, order_notes = in_time_order(series)
-    complete = complete_campaigns(ordered, watch.covariates).size
-    if complete < watch.baseline:
-        short = f"no baseline yet: {complete} of {watch.baseline} campaigns" + (
-            f" with {' and '.join(watch.covariates)}" if watch.covariates else ""
-        )
+    short = _too_short(ordered, watch, window.baseline_until)
+    if short is not None:
         return ParameterTrend(series.name, direction, ordered, notes=(*order_notes, short))
     baseline, watched, left_out = fit_baseline(
         ordered, watch.baseline, watch.covariates, watch.per_kelvin.get(series.name)
     )
+    begin = ordered.dates[list(ordered.labels).index(baseline.labels[-1])]
+    before = window.before.get(series.name)
+    if watched is not None and window.after is not None:
+        watched = later(watched, window.after)
+        begin = begin if before is None else before.date
     limits, wider = _limits(baseline, watch)
     scores = None if watched is None else score(baseline, watched)
     z = np.zeros(0) if scores is None else scores.score
+    start = dict.fromkeys(SIDES[direction], 0.0) if before is None else before.statistic
     judged = {
-        side: watch.chart.outside(sign * z, limits) for side, sign in SIDES[direction].items()
+        side: watch.chart.outside(sign * z, limits, start[side])
+        for side, sign in SIDES[direction].items()
     }
     outside = np.any([out for _, out in judged.values()], axis=0)
-    begin = ordered.dates[list(ordered.labels).index(baseline.labels[-1])]
-    seen = [note.date for note in notes if note.parameter == series.name]
+    seen = [
+        note.date
+        for note in notes
+        if note.parameter == series.name and (before is None or note.date > begin)
+    ]
     moments = timeline(
         begin=begin,
         watched=watched,
@@ -156,6 +200,7 @@ def _parameter(
         pending=watch.pending,
         interval_days=watch.expected_interval_days,
         as_of=as_of,
+        before=None if before is None else before.condition,
     )
     change, speed, unknown = _change_and_rate(
         ordered, watch, baseline, begin, watched, scores=scores, outside=outside
@@ -174,14 +219,20 @@ def _parameter(
         timeline=moments,
         change=change,
         rate=speed,
-        notes=(
-            *order_notes,
-            *left_out,
-            *_alike(baseline, wider),
-            *_cautions(watched, scores, baseline),
-            *unknown,
-        ),
+        notes=(*order_notes, *left_out, *_cautions(watched, scores, baseline, wider), *unknown),
     )
+
+
+def _too_short(ordered: Series, watch: Watch, until: datetime | None) -> str | None:
+    """Why there is no baseline; None where there is one."""
+    known = complete_campaigns(ordered, watch.covariates)
+    complete = sum(until is None or ordered.dates[i] <= until for i in known.tolist())
+    if complete >= watch.baseline:
+        return None
+    short = f"no baseline yet: {complete} of {watch.baseline} campaigns"
+    if watch.covariates:
+        short += f" with {' and '.join(watch.covariates)}"
+    return short if complete == known.size else f"{short} up to {until}"
 
 
 def _change_and_rate(
@@ -241,7 +292,7 @@ def _change(begin: datetime, watched: Series, scores: Scores, baseline: Baseline
         dates,
         days_since(begin, dates),
         scores.residual,
-        scores.covariance,
+        scores.covariance(baseline),
         baseline.fit.degrees_of_freedom,
     )
 
@@ -261,11 +312,13 @@ def _alike(baseline: Baseline, wider: float) -> tuple[str, ...]:
     )
 
 
-def _cautions(watched: Series | None, scores: Scores | None, baseline: Baseline) -> tuple[str, ...]:
-    """What a reader of the chart must know about its covariates."""
+def _cautions(
+    watched: Series | None, scores: Scores | None, baseline: Baseline, wider: float
+) -> tuple[str, ...]:
+    """What a reader of the chart must know about its limits and covariates."""
+    cautions = [*_alike(baseline, wider)]
     if watched is None or scores is None:
-        return ()
-    cautions = []
+        return tuple(cautions)
     labels = np.array(watched.labels)
     if np.any(scores.extrapolated):
         ranges = ", ".join(
@@ -276,11 +329,11 @@ def _cautions(watched: Series | None, scores: Scores | None, baseline: Baseline)
         )
         cautions.append(
             f"beyond the baseline's covariates ({ranges}), judged with more uncertainty: "
-            + ", ".join(labels[scores.extrapolated])
+            + listed(labels[scores.extrapolated].tolist())
         )
     if np.any(scores.missing):
         cautions.append(
             "a covariate was not measured, judged as if it could be anything that the baseline"
-            " saw: " + ", ".join(labels[scores.missing])
+            " saw: " + listed(labels[scores.missing].tolist())
         )
     return tuple(cautions)

@@ -49,7 +49,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.trend.autocorrelation import Autocorrelation, diagnose, normal_score
-from fecore.trend.series import TEMPERATURE, Series, days_since, select
+from fecore.trend.series import TEMPERATURE, Series, days_since, listed, select
 
 _GRID = 400  # points of log v; the posterior is smooth over a decade
 # of v on the grid, in units of the smallest and the largest plausible variance
@@ -205,8 +205,13 @@ class Scores:
     score: FloatArray  # (n,) normal deviate of the residual
     extrapolated: BoolArray  # (n,) whether a covariate lies beyond the baseline's
     missing: BoolArray  # (n,) whether a covariate was not measured
-    # (n, n) of the residuals; off the diagonal, the baseline's error that campaigns share
-    covariance: FloatArray
+    regressors: FloatArray  # (n, p) x of each campaign
+
+    def covariance(self, baseline: Baseline) -> FloatArray:
+        """(n, n) of the residuals; off the diagonal, the baseline's error that campaigns share."""
+        shared: FloatArray = self.regressors @ baseline.fit.covariance @ self.regressors.T
+        np.fill_diagonal(shared, self.residual_sd**2)
+        return shared
 
 
 def complete_campaigns(series: Series, covariates: Sequence[str]) -> IntArray:
@@ -270,7 +275,7 @@ def fit_baseline(
     used, last = complete[:n], int(complete[n - 1])
     left_out = [series.labels[i] for i in range(last) if i not in used]
     notes = (
-        [f"left out of the baseline, a covariate is missing: {', '.join(left_out)}"]
+        [f"left out of the baseline, a covariate is missing: {listed(left_out)}"]
         if left_out
         else []
     )
@@ -321,12 +326,10 @@ def score(baseline: Baseline, series: Series) -> Scores:
     fit = baseline.fit
     slopes = fit.coefficients[1:]
     residual = series.estimate - X @ fit.coefficients
-    shared = X @ fit.covariance @ X.T
-    leverage = np.diag(shared)
+    leverage = np.einsum("ij,jk,ik->i", X, fit.covariance, X)
     unmeasured = absent @ ((slopes**2 + np.diag(fit.covariance)[1:]) * baseline.variance)
     own = series.standard_deviation**2 + fit.between_sd**2 + unmeasured
     sd = np.sqrt(leverage + own * np.maximum(1.0, leverage / baseline.leverage_max))
-    np.fill_diagonal(covariance := shared.copy(), sd**2)
     outside = np.any(~absent & ((c < baseline.low) | (c > baseline.high)), axis=1)
     return Scores(
         corrected=series.estimate - centred @ slopes,
@@ -335,5 +338,5 @@ def score(baseline: Baseline, series: Series) -> Scores:
         score=normal_score(residual / sd, fit.degrees_of_freedom),
         extrapolated=outside,
         missing=np.any(absent, axis=1),
-        covariance=covariance,
+        regressors=X,
     )

@@ -84,19 +84,21 @@ class Chart:
         weight = 1.0 if self.kind == "shewhart" else self.weight
         return 1 - weight, weight, 0.0
 
-    def run(self, scores: FloatArray, limit: float) -> FloatArray:
-        """The chart's values S for scores that rise with the change looked for."""
+    def run(self, scores: FloatArray, limit: float, before: float = 0.0) -> FloatArray:
+        """The chart's values S for scores that rise with the change looked for, after S₀."""
         a, b, c = self.recursion
         values = np.empty(scores.size)
-        s = 0.0
+        s = before
         for i, z in enumerate(scores):
             s = min(CAP * limit, max(0.0, a * s + b * float(z) - c))
             values[i] = s
         return values
 
-    def outside(self, scores: FloatArray, limits: Limits) -> tuple[FloatArray, BoolArray]:
-        """The chart's values, and whether each campaign is outside."""
-        values = self.run(scores, limits.chart)
+    def outside(
+        self, scores: FloatArray, limits: Limits, before: float = 0.0
+    ) -> tuple[FloatArray, BoolArray]:
+        """The chart's values after S₀, and whether each campaign is outside."""
+        values = self.run(scores, limits.chart, before)
         return values, (values > limits.chart) | (scores > limits.score)
 
 

@@ -43,7 +43,9 @@ def deviations(
         level = trend.baseline.mean
         names.append(trend.name)
         mean.append(float(np.mean(trend.scores.residual[at])) / level)
-        variance.append(float(np.mean(trend.scores.covariance[np.ix_(at, at)])) / level**2)
+        variance.append(
+            float(np.mean(trend.scores.covariance(trend.baseline)[np.ix_(at, at)])) / level**2
+        )
         for k, covariate in enumerate(trend.baseline.covariates):
             slope = float(trend.baseline.fit.coefficients[k + 1]) / level
             slopes.setdefault(covariate, []).append(slope)

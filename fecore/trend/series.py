@@ -163,13 +163,12 @@ def in_time_order(series: Series) -> tuple[Series, tuple[str, ...]]:
                 f"campaigns {series.labels[a]} and {series.labels[b]} are both of"
                 f" {series.dates[a].isoformat()}; leave one out, or correct its date",
             )
-    late = [
-        series.labels[i] for i in range(1, len(series)) if series.dates[i] < max(series.dates[:i])
-    ]
+    newest = list(itertools.accumulate(series.dates, max))
+    late = [series.labels[i] for i in range(1, len(series)) if series.dates[i] < newest[i - 1]]
     if not late:
         return series, ()
     note = (
-        f"put into time order: {', '.join(late)} came after later campaigns; the states were judged"
+        f"put into time order: {listed(late)} came after later campaigns; the states were judged"
         " anew"
     )
     return select(series, order), (note,)
@@ -186,6 +185,21 @@ def select(series: Series, indices: Sequence[int]) -> Series:
         {name: values[at] for name, values in series.covariates.items()},
         tuple(series.labels[i] for i in at),
     )
+
+
+def later(series: Series, date: datetime) -> Series | None:
+    """The campaigns after a time; None where there are none."""
+    at = [i for i, each in enumerate(series.dates) if each > date]
+    return select(series, at) if at else None
+
+
+_LISTED = 20  # campaigns that a sentence names
+
+
+def listed(labels: Sequence[str]) -> str:
+    """Campaigns in words."""
+    more = len(labels) - _LISTED
+    return ", ".join(labels[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _check_values(name: str, values: FloatArray, labels: Sequence[str]) -> None:

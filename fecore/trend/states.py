@@ -119,7 +119,12 @@ class Moment:
     date: datetime  # when it began to hold
     event: Event  # what brought it
     label: str | None  # campaign, or None where one was missing or an alarm was acknowledged
-    state: State  # from then on
+    condition: Condition  # from then on
+
+    @property
+    def state(self) -> State:
+        """The state from then on."""
+        return self.condition.state
 
 
 def timeline(
@@ -130,17 +135,19 @@ def timeline(
     pending: int,
     interval_days: float | None,
     as_of: datetime | None,
+    before: Condition | None = None,
 ) -> tuple[Moment, ...]:
     """States from the end of the baseline on.
 
     Args:
-        begin: the baseline's last campaign.
+        begin: the baseline's last campaign, or the last one that was judged.
         watched: campaigns after it, in time order.
         outside: (m,) whether each is outside.
         acknowledged: when alarms were acknowledged.
         pending: k of the state machine.
         interval_days: expected between campaigns; None where nothing is expected.
         as_of: now, or None for the last campaign.
+        before: condition at `begin`; None where that is the baseline's last campaign.
 
     Raises:
         InputError: an acknowledgement where there was no alarm.
@@ -156,11 +163,11 @@ def timeline(
         for date in missing_campaigns((begin, *dates), interval_days, as_of)
     ]
     events += [(date, Event.ACKNOWLEDGE, None) for date in acknowledged]
-    condition, moments = Condition(), []
+    condition, moments = before or Condition(), []
     # stable: a campaign comes before its acknowledgement
     for date, event, label in sorted(events, key=lambda e: e[0]):
         condition = step(condition, event, pending)
-        moments.append(Moment(date, event, label, condition.state))
+        moments.append(Moment(date, event, label, condition))
     return tuple(moments)
 
 

@@ -217,15 +217,18 @@ class Monitor(Attached, Editable):
         """What became of each run."""
         return Table(self._pages("runs"), key="id")
 
-    def series(self, number: int | None = None) -> dict[str, Any]:
-        """Values with their uncertainty, baseline, limits, alarms and campaigns."""
-        return self._get("series", series=number)
+    def series(self, number: int | None = None, **part: Any) -> dict[str, Any]:
+        """Values with their uncertainty, baseline, limits, alarms and campaigns.
+
+        Args:
+            number: version of the series; default: the one that is judged.
+            part: `from`, `to`, `limit`, `stride`; default: up to 1,000 campaigns of all.
+        """
+        return self._get("series", series=number, **part)
 
     def rows(self, *parameters: str) -> Table:
         """The series as flat rows, a value each, of some parameters or of all."""
-        stated = {"parameter": list(parameters)} if parameters else {}
-        rows: Any = self._get("series/rows", **stated)
-        return Table(rows)
+        return Table(self._pages("series/rows", parameter=list(parameters) or None))
 
     def figure(self, parameter: str | None = None, over: str | None = None) -> Figure:
         """The control chart of a parameter, by default of the first one that is watched; with

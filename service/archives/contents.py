@@ -31,6 +31,7 @@ from service.nouns.modes.operations import describe_all as described_modes
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.monitors.operations import describe_all as described_monitors
 from service.nouns.monitors.operations import monitors_of, series_for
+from service.nouns.monitors.points import EVERY, Part
 from service.nouns.monitors.presentation import series_document
 from service.nouns.recordings.operations import (
     arrays_of,
@@ -146,7 +147,9 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
     _write_coupons(session, archive, structure.id, folder)
     monitors = monitors_of(session, structure.id)
     for monitor, item in zip(monitors, described_monitors(session, monitors), strict=True):
-        series = series_document(session, monitor, series_for(session, monitor, None))
+        series = series_document(
+            session, monitor, series_for(session, monitor, None), Part(stride=1, limit=EVERY)
+        )
         archive.json(f"{folder}/monitors/{monitor.id}.json", {"monitor": item, "series": series})
 
 

@@ -31,7 +31,8 @@ from service.nouns.frfs.data import Cut
 from service.nouns.frfs.routes import FrfFilter, Hertz
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.monitors.operations import series_for
-from service.nouns.monitors.parameters import Version
+from service.nouns.monitors.parameters import From, To, Version
+from service.nouns.monitors.points import part_of
 from service.nouns.monitors.presentation import series_document
 from service.nouns.monitors.runs import monitor_for
 from service.nouns.records.routes import Whole
@@ -203,18 +204,24 @@ def get_series_figure(
         Query(max_length=60, description="a covariate: before and after it was taken out"),
     ] = None,
     series: Version = None,
+    begin: From = None,
+    end: To = None,
 ) -> Response:
     """The series of a parameter as a figure, over time or over a covariate: Plotly JSON for the
-    browser and notebooks, or SVG, PNG, PDF for print.
+    browser and notebooks, or SVG, PNG, PDF for print. Of many campaigns the lowest and the highest
+    value of each of 400 pieces; `from` and `to` look closer.
     """
     monitor = monitor_for(session, user, monitor_id)
-    document = series_document(session, monitor, series_for(session, monitor, series))
+    version = series_for(session, monitor, series)
     watched = list(monitor.watch["directions"])
     if monitor.watches == "modes":
-        watched += [row["name"] for row in document["parameters"]]
+        judged = version.document or {"parameters": ()}
+        watched += [row["name"] for row in judged["parameters"]]
     chosen = parameter or watched[0]
     if chosen not in watched:
         raise Invalid("parameter", f"{chosen!r} is not watched; {', '.join(watched)} are")
+    single = None if monitor.watches == "modes" and chosen == FREQUENCY else chosen
+    document = series_document(session, monitor, version, part_of(begin, end), single)
     if over is not None:
         return request.answer(lambda: covariate_figure(document, chosen, over), chosen)
     if monitor.watches == "modes" and chosen == FREQUENCY:

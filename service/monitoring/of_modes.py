@@ -61,10 +61,9 @@ def collect_modes(session: Session, monitor: Monitor, series: MonitorSeries) -> 
 
 
 def _fingerprint(session: Session, monitor: Monitor, run: MonitorRun) -> str:
-    present = candidates_of(session, monitor, datetime.now(UTC), timedelta(0))
-    return next(
-        (one.fingerprint for one in present if one.campaign.id == run.campaign_id), run.fingerprint
-    )
+    now = datetime.now(UTC)
+    present = candidates_of(session, monitor, now, timedelta(0), only=run.campaign_id)
+    return present[0].fingerprint if present else run.fingerprint
 
 
 def _succeed(session: Session, run: MonitorRun, mode_set: UUID) -> None:

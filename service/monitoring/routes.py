@@ -11,7 +11,8 @@ from service.monitoring import runs
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.monitors import operations as monitors
 from service.nouns.monitors.alarms import acknowledge, alarm_for, alarms_seen, raised_with
-from service.nouns.monitors.parameters import Version
+from service.nouns.monitors.parameters import From, To, Version
+from service.nouns.monitors.points import PartDep, part_of, points_page
 from service.nouns.monitors.presentation import (
     describe_alarms,
     describe_runs,
@@ -188,13 +189,13 @@ def list_runs(
     "/monitors/{monitor_id}/series", response_model=None, responses={200: {"model": SeriesOut}}
 )
 def get_series(
-    monitor_id: UUID, session: SessionDep, user: CurrentUser, series: Version = None
+    monitor_id: UUID, session: SessionDep, user: CurrentUser, part: PartDep, series: Version = None
 ) -> dict[str, Any]:
     """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and
-    campaigns as marks.
+    campaigns as marks. Of a long one every k-th campaign, unless a part of it is asked for.
     """
     monitor = monitor_for(session, user, monitor_id)
-    return series_document(session, monitor, monitors.series_for(session, monitor, series))
+    return series_document(session, monitor, monitors.series_for(session, monitor, series), part)
 
 
 ROW_TYPES = {"json": "application/json", "parquet": ARRAY_WRITERS["parquet"].media_type}
@@ -202,7 +203,7 @@ ROW_TYPES = {"json": "application/json", "parquet": ARRAY_WRITERS["parquet"].med
 
 @router.get(
     "/monitors/{monitor_id}/series/rows",
-    response_model=list[dict[str, Any]],
+    response_model=Page[dict[str, Any]],
     responses={200: {"content": {ROW_TYPES["parquet"]: {}}}},
 )
 def get_series_rows(
@@ -215,27 +216,34 @@ def get_series_rows(
         list[str] | None,
         Query(max_length=100, description="these only, such as `frequency_1`; default: all"),
     ] = None,
+    begin: From = None,
+    end: To = None,
+    cursor: Cursor = None,
+    limit: Annotated[int, Query(ge=1, le=10_000, description="at most so many rows")] = 1000,
 ) -> Any:
-    """The series as flat rows, one for each value, with ISO times: what the JSON and Infinity
-    sources of Grafana read; or as Parquet.
+    """The series as flat rows, one for each value, with ISO times, in the order of time: what the
+    JSON and Infinity sources of Grafana read; or as Parquet, whose next
+    page stands in the header `Link`.
     """
     monitor = monitor_for(session, user, monitor_id)
-    shown = series_document(session, monitor, monitors.series_for(session, monitor, series))
-    watched = [*monitor.watch["directions"], *(row["name"] for row in shown["parameters"])]
+    version = monitors.series_for(session, monitor, series)
+    names = [row["name"] for row in (version.document or {"parameters": ()})["parameters"]]
+    watched = [*monitor.watch["directions"], *names]
     if unknown := sorted(set(parameter or ()) - set(watched)):
         raise Invalid("parameter", f"{unknown[0]!r} is not watched; {', '.join(watched)} are")
-    rows = flat_rows(shown)
-    if parameter is not None:
-        rows = [row for row in rows if row["parameter"] in parameter]
+    page, following = points_page(session, version, cursor, part_of(begin, end, limit), parameter)
+    rows = flat_rows(session, version, page)
     if form == "json":
-        return rows
-    names = dict.fromkeys(name for row in rows for name in row)
-    columns = {name: [row.get(name) for row in rows] for name in names}
+        return Page(items=rows, next_cursor=following)
+    columns = dict.fromkeys(name for row in rows for name in row)
+    link = {"Link": f'<?cursor={following}>; rel="next"'} if following else {}
     return spooled(
-        lambda file: ARRAY_WRITERS[form].write(columns, file),
+        lambda file: ARRAY_WRITERS[form].write(
+            {name: [row.get(name) for row in rows] for name in columns}, file
+        ),
         ROW_TYPES[form],
         "series.parquet",
-        {"Vary": "Accept"},
+        {"Vary": "Accept", **link},
     )
 
 

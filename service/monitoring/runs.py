@@ -51,6 +51,8 @@ class Moment:
 
     now: datetime
     settle: timedelta
+    # whether of a long series only campaigns are looked at to which something came lately
+    recent: bool = False
 
 
 def bring_up_to_date(
@@ -74,8 +76,13 @@ def bring_up_to_date(
         The new runs; refused ones too.
     """
     series = newest_series(session, monitor)
-    candidates = candidates_of(session, monitor, moment.now, moment.settle)
-    runs = latest_runs(session, series)
+    of_modes = monitor.watches == "modes"
+    candidates = candidates_of(
+        session, monitor, moment.now, moment.settle, recent=of_modes and moment.recent
+    )
+    # a run with priors that are handed on looks at all before it
+    among = [one.campaign.id for one in candidates] if of_modes else None
+    runs = latest_runs(session, series, among)
     outdated = _outdated(session, monitor)
     started: list[MonitorRun] = []
     for one in candidates:
@@ -328,7 +335,7 @@ def complete_campaign(
     for monitor in running_on(session, campaign):
         take_over(session, monitor, newest_series(session, monitor))
         started += bring_up_to_date(
-            session, monitor, Moment(datetime.now(UTC), NOW), only=campaign.id
+            session, monitor, Moment(datetime.now(UTC), NOW, recent=True), only=campaign.id
         )
         request_check(session, monitor.id)
     return row, started

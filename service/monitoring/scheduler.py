@@ -34,6 +34,9 @@ from service.tasks.judge.task import judge_if_changed
 if TYPE_CHECKING:
     from service.nouns.monitors.tables import Monitor
 
+WHOLE_SECONDS = 86400.0
+"""Between two looks at all campaigns of a long series; what came lately is looked at each time."""
+
 PAUSE_SECONDS = 0.1  # between two looks, so that a burst of notices is one look
 
 log = structlog.stdlib.get_logger("modalbase.scheduler")
@@ -56,6 +59,7 @@ class _Scheduler:
         self._sessions, self._settings, self._sender = sessions, settings, sender
         self._settle = timedelta(seconds=settings.campaign_settle_seconds)
         self._sweep_at = 0.0
+        self._whole_at: dict[UUID, float] = {}  # when all campaigns are due to be looked at
         self._changed: set[UUID] = set()
         self._lock = threading.Lock()
         self._listener = Listener(settings.database_url or "", [CHANGED, REQUESTED], self._note)
@@ -104,8 +108,11 @@ class _Scheduler:
             if self._thread.ending.is_set():
                 return
             try:
+                recent = time.monotonic() < self._whole_at.get(key, 0.0)
                 with self._sessions.begin() as session:
-                    check(session, key, self._settle)
+                    check(session, key, self._settle, recent=recent)
+                if not recent:
+                    self._whole_at[key] = time.monotonic() + WHOLE_SECONDS
             except SQLAlchemyError:
                 raise
             except Exception:
@@ -114,13 +121,14 @@ class _Scheduler:
             self._sender.wake()
 
 
-def check(session: Session, monitor_id: UUID, settle: timedelta) -> None:
+def check(session: Session, monitor_id: UUID, settle: timedelta, *, recent: bool = False) -> None:
     """Start what one monitor is due, unless another scheduler is at it.
 
     Args:
         session: the transaction; it holds the monitor's row.
         monitor_id: of the monitor.
         settle: how long a campaign must have been left alone to count as complete.
+        recent: of a long series of modes, look only at campaigns to which something came lately.
     """
     monitor = held(session, monitor_id)
     if monitor is None:
@@ -129,7 +137,7 @@ def check(session: Session, monitor_id: UUID, settle: timedelta) -> None:
     series = newest_series(session, monitor)
     take_over(session, monitor, series)
     if _runs_by_itself(monitor, now):
-        bring_up_to_date(session, monitor, Moment(now, settle))
+        bring_up_to_date(session, monitor, Moment(now, settle, recent))
     judge_if_changed(session, monitor, series, now)
 
 

@@ -2,8 +2,10 @@
 monitors.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from typing import Annotated, Any
 from uuid import UUID
 
@@ -26,6 +28,7 @@ from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.modes.schemas import ModeSetOut
 from service.nouns.monitors.live import look_at_monitors
+from service.nouns.monitors.points import Part
 from service.nouns.monitors.schemas import AlarmOut
 from service.nouns.recordings import routes as recordings
 from service.nouns.records import routes as records
@@ -389,14 +392,21 @@ def get_monitor(
     series: Annotated[int | None, Query(ge=1, le=1_000_000)] = None,
     show: Annotated[list[str] | None, Query(max_length=100)] = None,
     over: Annotated[str, Query(max_length=60)] = "",
+    begin: Annotated[date | None, Query(alias="from")] = None,
+    end: Annotated[date | None, Query(alias="to")] = None,
 ) -> HTMLResponse:
     """A monitor: alarms, a figure of each chosen parameter with its limits over time or a
     covariate, what they say, runs. Chosen are those that call, else the first one.
     """
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
-    document = monitoring.get_series(monitor_id, visit.session, visit.user, series)
+    newest = Part(limit=MOST_WATCHED)
+    document = monitoring.get_series(monitor_id, visit.session, visit.user, newest, series)
     measured = {each["campaign_id"]: each for each in document["campaigns"]}
-    document["notes"] = [_with_names(note, measured.values()) for note in document["notes"]]
+    shown_runs = monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items
+    keys = {UUID(key) for note in document["notes"] for key in _KEYS.findall(note)}
+    keys.update(run.campaign_id for run in shown_runs)
+    named = {str(key): row for key, row in campaigns_of(visit.session, [*keys]).items()}
+    document["notes"] = [_with_names(note, named) for note in document["notes"]]
     rows = document["parameters"]
     calling = [row["name"] for row in rows if row["state"] in ("alarm", "pending")]
     stated = {
@@ -411,7 +421,8 @@ def get_monitor(
         **visit.in_structure(monitor.structure_id),
         monitor=monitor,
         series=document,
-        campaigns=measured,
+        campaigns=named,
+        shown={"from": begin, "to": end},
         chosen=[row["name"] for row in rows if row["name"] in (show or calling)]
         or [row["name"] for row in rows[:1]],
         covariates=sorted(stated),
@@ -422,14 +433,16 @@ def get_monitor(
                 visit.session, visit.user, monitor=monitor_id, limit=MOST_WATCHED
             ).items,
         ),
-        runs=monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items,
+        runs=shown_runs,
     )
 
 
-def _with_names(note: str, campaigns: Iterable[Mapping[str, Any]]) -> str:
+_KEYS = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+
+
+def _with_names(note: str, campaigns: Mapping[str, Any]) -> str:
     """A note with campaigns by name and date in place of their keys."""
-    for each in campaigns:
-        if each["campaign_id"] in note:
-            at = (each["performed_at"] or "")[:10]
-            note = note.replace(each["campaign_id"], f"{each['name']} ({at})")
+    for key, row in campaigns.items():
+        at = "" if row.performed_at is None else row.performed_at.date().isoformat()
+        note = note.replace(key, f"{row.name} ({at})")
     return note

@@ -37,7 +37,8 @@ from service.platform.queue.queue import enqueue
 from service.platform.queue.tables import Job
 from service.platform.settings import Settings
 from service.tasks.import_file.task import IMPORTS
-from service.tasks.judge.compute import Episode, Judgement, ModeEffects
+from service.tasks.judge.compute import Episode, Judgement
+from service.tasks.judge.inputs import ModeEffects
 from service.tasks.judge.task import TASK, judge_if_changed
 from tests.support.judged import MODES, START, day, judged, observe, values
 

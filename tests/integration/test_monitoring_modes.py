@@ -116,7 +116,7 @@ def test_a_change_of_one_percent_raises_one_alarm_that_the_page_explains(
     (alarm, *_) = ok(client.get("alarms", params={"monitor": monitor}))["items"]
     assert alarm["details"]["explanations"]["ranked"][0]["kind"] == "one"
     assert f"one mode alone: {raised} -1." in alarm["details"]["explanations"]["text"]
-    rows = ok(client.get(f"monitors/{monitor}/series/rows", params={"parameter": raised}))
+    rows = ok(client.get(f"monitors/{monitor}/series/rows", params={"parameter": raised}))["items"]
     assert [row["value"] for row in rows] == [
         point["raw"]
         for each in series["parameters"]
@@ -126,6 +126,10 @@ def test_a_change_of_one_percent_raises_one_alarm_that_the_page_explains(
     query = {"parameter": raised, "format": "parquet"}
     content = client.get(f"monitors/{monitor}/series/rows", params=query).content
     assert [row["value"] for row in parquet_rows(content)] == [row["value"] for row in rows]
+    first = client.get(f"monitors/{monitor}/series/rows", params={**query, "limit": 5})
+    rest = client.get(f"monitors/{monitor}/series/rows" + first.links["next"]["url"], params=query)
+    both = parquet_rows(first.content) + parquet_rows(rest.content)
+    assert [row["value"] for row in both] == [row["value"] for row in rows]
     assert {*COVARIATES, "time", "low", "high", "corrected", "outside"} <= rows[-1].keys()
     with session_client(client, base=service.url) as browser:
         query = {"show": ["frequency_2", raised], "over": COVARIATES[0]}

@@ -9,7 +9,8 @@ import numpy as np
 
 from fecore.trend import Acknowledgement, Watch
 from service.nouns.campaigns.climate import stiffness_sds
-from service.tasks.judge.compute import Judgement, JudgementInputs, ModeEffects, Observation, judge
+from service.tasks.judge.compute import Judgement, judge
+from service.tasks.judge.inputs import JudgementInputs, ModeEffects, Observation
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]
@@ -51,6 +52,8 @@ def judged(
     )
     (result,) = judge(inputs, lambda *_: None)
     json.dumps(result.document, allow_nan=False)
+    for row in result.document["parameters"]:
+        row["points"] = result.points[row["name"]][1]
     return result
 
 

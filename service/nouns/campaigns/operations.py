@@ -8,7 +8,20 @@ from typing import Any
 from uuid import UUID
 
 from pydantic import BaseModel, ValidationError
-from sqlalchemy import Float, ForeignKey, Index, Select, delete, func, insert, literal, select, text
+from sqlalchemy import (
+    ColumnElement,
+    Float,
+    ForeignKey,
+    Index,
+    Select,
+    Subquery,
+    delete,
+    func,
+    insert,
+    literal,
+    select,
+    text,
+)
 from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -173,22 +186,53 @@ def describe(campaign: Campaign) -> CampaignOut:
 
 
 def dated_campaigns(
-    session: Session, structure_id: UUID, since: datetime | None
+    session: Session,
+    structure_id: UUID,
+    since: datetime | None,
+    among: Select[UUID] | Sequence[UUID] | None = None,
 ) -> Sequence[Campaign]:
-    """A structure's campaigns that state a date, from one on, in the order of their dates; read
-    afresh.
+    """A structure's campaigns that state a date, from one on, in the order of their dates; all, or
+    those among some. Read afresh.
     """
-    query = select(Campaign).where(
-        Campaign.structure_id == structure_id,
-        Campaign.deleted_at.is_(None),
-        Campaign.performed_at.is_not(None),
-    )
+    query = select(Campaign).where(*_dated(structure_id))
+    if among is not None:
+        query = query.where(Campaign.id.in_(among))
     if since is not None:
         query = query.where(Campaign.performed_at >= since)
     order = (Campaign.performed_at, Campaign.id)
     return session.scalars(
         query.order_by(*order), execution_options={"populate_existing": True}
     ).all()
+
+
+def _dated(structure_id: UUID) -> tuple[ColumnElement[bool], ...]:
+    return (
+        Campaign.structure_id == structure_id,
+        Campaign.deleted_at.is_(None),
+        Campaign.performed_at.is_not(None),
+    )
+
+
+def campaigns_touched(since: datetime) -> Select[UUID]:
+    """Campaigns whose own row has changed since a time, as part of a query."""
+    return select(Campaign.id).where(Campaign.updated_at >= since)
+
+
+def campaign_facts() -> Subquery:
+    """Campaigns with what a series takes from them, as part of a query: key, structure, creation,
+    date, boundary, deletion and conditions.
+    """
+    plain = (Campaign.id, Campaign.structure_id, Campaign.created_at, Campaign.performed_at)
+    climate = (getattr(Campaign, name) for name in CLIMATE)
+    return select(
+        *plain, Campaign.boundary, Campaign.deleted_at, Campaign.covariates, *climate
+    ).subquery()
+
+
+def dated_count(session: Session, structure_id: UUID) -> int:
+    """How many campaigns of a structure state a date."""
+    query = select(func.count()).select_from(Campaign).where(*_dated(structure_id))
+    return session.scalar(query) or 0
 
 
 def campaigns_in(structures: Select[UUID] | Sequence[UUID]) -> Select[UUID]:

@@ -356,6 +356,11 @@ def count_frfs(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, int
     return {row[0]: row[1] for row in counts}
 
 
+def frfs_from(first: UUID) -> Select[UUID]:
+    """Campaigns to which FRFs came whose keys are at least this one, as part of a query."""
+    return select(Frf.campaign_id).where(Frf.id >= first)
+
+
 def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[str, datetime]]:
     """Digest and newest time of each campaign's FRFs; reads no spectrum. Campaigns without any are
     left out.

@@ -162,6 +162,11 @@ def campaigns_with(jobs: Select[UUID]) -> Select[UUID]:
     return select(Import.campaign_id).where(Import.id.in_(jobs))
 
 
+def imports_from(first: UUID) -> Select[UUID]:
+    """Campaigns to which imports came whose keys are at least this one, as part of a query."""
+    return select(Import.campaign_id).where(Import.id >= first)
+
+
 def import_progress(
     session: Session, campaign_ids: Sequence[UUID]
 ) -> dict[UUID, tuple[int, datetime | None]]:

@@ -7,7 +7,7 @@ from uuid import UUID
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import ForeignKey, Index, delete, insert, select, text, update
+from sqlalchemy import ForeignKey, Index, Select, delete, insert, select, text, update
 from sqlalchemy.dialects.postgresql import JSONB, distinct_on
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -333,6 +333,11 @@ def _covariance(mode_set: ModeSet, rows: Sequence[Mode]) -> NDArray[np.float64] 
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def mode_sets_from(first: UUID) -> Select[UUID]:
+    """Campaigns to which mode sets came whose keys are at least this one, as part of a query."""
+    return select(ModeSet.campaign_id).where(ModeSet.id >= first)
 
 
 def newest_stated(

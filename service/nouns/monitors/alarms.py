@@ -84,13 +84,17 @@ alarm_for = Lookup(Alarm, "alarm", "monitor_id", monitor_for)
 
 
 def update_alarms(
-    session: Session, monitor: Monitor, series: MonitorSeries, episodes: Sequence[Episode]
+    session: Session,
+    monitor: Monitor,
+    series: MonitorSeries,
+    episodes: Sequence[Episode],
+    within: tuple[datetime | None, datetime | None] = (None, None),
 ) -> None:
     """Bring a monitor's alarms to what its series now says.
 
     An episode is the alarm that its campaign raised before, whichever series said so; else the
     oldest one of its parameter that has lost its campaign to a late or corrected one; else it is
-    new. An alarm that no episode is left for is withdrawn.
+    new. An alarm of a campaign within what was judged that no episode is left for is withdrawn.
     """
     rows = session.scalars(
         select(Alarm)
@@ -99,15 +103,19 @@ def update_alarms(
     ).all()
     known = {(alarm.parameter, str(alarm.campaign_id)): alarm for alarm in rows}
     alarmed = {(e.parameter, e.campaign) for e in episodes}
-    orphans = [alarm for key, alarm in known.items() if key not in alarmed]
+    orphans = [
+        alarm for key, alarm in known.items() if key not in alarmed and _is_within(alarm, *within)
+    ]
     for episode in episodes:
         alarm = known.get((episode.parameter, episode.campaign)) or _adopt(
             session, orphans, episode
         )
+        if alarm is None and episode.details is None:
+            continue
         if alarm is None:
             _raise(session, monitor, series, episode)
         else:
-            alarm.details, alarm.series = episode.details, series.number
+            alarm.details, alarm.series = episode.details or alarm.details, series.number
             if alarm.state == "acknowledged" and episode.state == "cleared":
                 _step(session, monitor, alarm, "cleared", "the parameter came back")
             elif alarm.state == "cleared" and episode.state != "cleared":
@@ -122,6 +130,11 @@ def update_alarms(
             why = f"series {series.number} as it stands now does not confirm it"
             _step(session, monitor, alarm, "withdrawn", why)
     session.flush()
+
+
+def _is_within(alarm: Alarm, after: datetime | None, end: datetime | None) -> bool:
+    at = datetime.fromisoformat(alarm.details["performed_at"])
+    return (after is None or at > after) and (end is None or at <= end)
 
 
 def _adopt(session: Session, orphans: list[Alarm], episode: Episode) -> Alarm | None:

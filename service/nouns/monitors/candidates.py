@@ -16,16 +16,21 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 from uuid import UUID
 
-from sqlalchemy import select
+from sqlalchemy import Select, select, union
 from sqlalchemy.orm import Session
 
-from service.nouns.campaigns.operations import dated_campaigns, point_digests
-from service.nouns.frfs.operations import frf_digests
-from service.nouns.imports.operations import import_progress
-from service.nouns.modes.operations import newest_stated
+from service.nouns.campaigns.operations import (
+    campaigns_touched,
+    dated_campaigns,
+    dated_count,
+    point_digests,
+)
+from service.nouns.frfs.operations import frf_digests, frfs_from
+from service.nouns.imports.operations import import_progress, imports_from
+from service.nouns.modes.operations import mode_sets_from, newest_stated
 from service.nouns.monitors.tables import CampaignCompletion, Monitor
-from service.nouns.recordings.operations import recordings_held
-from service.nouns.records.operations import newest_records
+from service.nouns.recordings.operations import recordings_from, recordings_held
+from service.nouns.records.operations import newest_records, records_from
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign
@@ -48,11 +53,35 @@ class Candidate:
     objection: str | None
 
 
+MOST = 1000
+"""Dated campaigns of a structure up to which a monitor looks at all of them each time."""
+
+RECENT = timedelta(days=2)
+
+
 def candidates_of(
-    session: Session, monitor: Monitor, now: datetime, settle: timedelta
+    session: Session,
+    monitor: Monitor,
+    now: datetime,
+    settle: timedelta,
+    *,
+    recent: bool = False,
+    only: UUID | None = None,
 ) -> list[Candidate]:
-    """The campaigns that a monitor looks at, in time order."""
-    rows = dated_campaigns(session, monitor.structure_id, monitor.since)
+    """The campaigns that a monitor looks at, in time order.
+
+    Args:
+        session: where.
+        monitor: which.
+        now: the time.
+        settle: how long a campaign must have been left alone to count as complete.
+        recent: of more than `MOST`, only those that were touched within `RECENT`.
+        only: this one alone.
+    """
+    among: Select[UUID] | list[UUID] | None = None if only is None else [only]
+    if recent and among is None and dated_count(session, monitor.structure_id) > MOST:
+        among = _touched(now - settle - RECENT)
+    rows = dated_campaigns(session, monitor.structure_id, monitor.since, among)
     facts = _Facts(session, [row.id for row in rows])
     candidates: list[Candidate] = []
     for row in rows:
@@ -69,6 +98,18 @@ def candidates_of(
             )
         )
     return candidates
+
+
+def _touched(since: datetime) -> Select[UUID]:
+    """Campaigns to which something came since a time; keys of rows say when these came."""
+    first = UUID(int=int(since.timestamp() * 1000) << 80)  # of a UUIDv7
+    completed = CampaignCompletion.completed_at >= since
+    ended = select(CampaignCompletion.campaign_id).where(completed)
+    came = (each(first) for each in _CAME)
+    return select(union(campaigns_touched(since), ended, *came).subquery().c[0])
+
+
+_CAME = (frfs_from, imports_from, mode_sets_from, records_from, recordings_from)
 
 
 def _objection(

@@ -7,7 +7,7 @@ import zlib
 from uuid import UUID
 
 from fastapi.sse import format_sse_event
-from sqlalchemy import select, union_all
+from sqlalchemy import Text, cast, func, select, union_all
 from sqlalchemy.orm import Session
 
 from service.nouns.monitors.tables import Monitor, MonitorJudgement, MonitorRun, MonitorSeries
@@ -32,21 +32,20 @@ def look_at_monitors(session: Session, ids: set[UUID]) -> dict[UUID, Shown]:
     runs = select(MonitorSeries.monitor_id, MonitorRun.id, MonitorRun.state)
     judgements = select(MonitorSeries.monitor_id, Job.id, Job.state)
     of_series = MonitorJudgement.series_id == series
-    both = union_all(
+    parts = union_all(
         runs.join(MonitorRun, MonitorRun.series_id == series).where(among),
         judgements.join(MonitorJudgement, of_series)
         .join(Job, Job.id == MonitorJudgement.id)
         .where(among),
-    )
-    parts: dict[UUID, list[tuple[str, str]]] = {}
-    for monitor, part, state in session.execute(both):
-        parts.setdefault(monitor, []).append((str(part), state))
-    return {monitor: _shown(monitor, sorted(states)) for monitor, states in parts.items()}
+    ).subquery()
+    digest = func.sum(func.hashtext(cast(parts.c.id, Text) + parts.c.state))
+    ended = func.bool_and(parts.c.state.in_((*ENDED, "refused")))
+    every = select(parts.c.monitor_id, func.count(), digest, ended).group_by(parts.c.monitor_id)
+    return {monitor: _shown(monitor, *state) for monitor, *state in session.execute(every)}
 
 
-def _shown(monitor: UUID, parts: list[tuple[str, str]]) -> Shown:
-    version = zlib.crc32(json.dumps(parts).encode())
-    ended = all(state in (*ENDED, "refused") for _, state in parts)
+def _shown(monitor: UUID, parts: int, digest: int, ended: bool) -> Shown:
+    version = zlib.crc32(f"{parts} {digest}".encode())
     data = json.dumps(
         {"id": str(monitor), "status": "succeeded" if ended else "running", "version": version}
     )

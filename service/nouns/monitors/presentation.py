@@ -16,12 +16,14 @@ from fecore.normal import Z_95
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaigns_of
 from service.nouns.monitors.judgements import last_judgement
+from service.nouns.monitors.points import Part, counts_of, extremes, points_of, shown_runs
 from service.nouns.monitors.runs import latest_runs, unit_of
 from service.nouns.monitors.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.nouns.monitors.tables import (
     Alarm,
     AlarmEvent,
     Monitor,
+    MonitorPoint,
     MonitorRun,
     MonitorSeries,
 )
@@ -37,11 +39,33 @@ OF_RUN = ("revision", "state", "message", "update_job_id", "job_id", "software")
 """What a series has of each run."""
 
 
-def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:
+def series_document(
+    session: Session,
+    monitor: Monitor,
+    series: MonitorSeries,
+    part: Part,
+    parameter: str | None = None,
+) -> dict[str, Any]:
     """What `GET /monitors/{id}/series` answers; nothing but JSON, so that figures are made of it
     too.
+
+    Args:
+        session: where.
+        monitor: which.
+        series: a version of it.
+        part: which campaigns are shown.
+        parameter: this one's points alone, thinned to those that stand out; None: all parameters'
+            of the campaigns that are shown.
     """
     judged = series.document or {"state": "no data", "notes": [], "parameters": []}
+    shown, total, stride = shown_runs(session, series, part)
+    if parameter is not None and stride > 1:
+        points = {parameter: extremes(session, series, monitor, parameter, part)}
+        campaigns = [UUID(point["campaign_id"]) for point in points[parameter]]
+    else:
+        campaigns = shown
+        points = points_of(session, series, campaigns)
+    counts = counts_of(session, series)
     # one that failed says why the series stands as it stood before
     last = last_judgement(session, series)
     structure = structure_of(session, monitor.structure_id)
@@ -60,8 +84,18 @@ def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -
         "state": judged["state"],
         "judgement": None if last is None else {"status": last.state, "message": last.message},
         "notes": judged["notes"],
-        "campaigns": _campaigns(session, series),
-        "parameters": [{**row, "unit": unit_of(row["name"])} for row in judged["parameters"]],
+        "total": total,
+        "stride": stride,
+        "campaigns": _campaigns(session, series, campaigns),
+        "parameters": [
+            {
+                **row,
+                "unit": unit_of(row["name"]),
+                "count": counts.get(row["name"], 0),
+                "points": points.get(row["name"], []),
+            }
+            for row in judged["parameters"]
+        ],
         "alarms": [_mark(alarm) for alarm in alarms],
     }
 
@@ -87,11 +121,10 @@ def _members(row: object, *names: str) -> dict[str, Any]:
     )
 
 
-_OF_RUN = ("revision", "state", "message", "update_job_id", "job_id", "software")
-
-
-def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
-    runs = latest_runs(session, series)
+def _campaigns(
+    session: Session, series: MonitorSeries, campaigns: Sequence[UUID]
+) -> list[dict[str, Any]]:
+    runs = latest_runs(session, series, campaigns)
     shown = []
     for row in sorted(
         campaigns_of(session, runs).values(),
@@ -169,39 +202,40 @@ def _described(
     )
 
 
-def flat_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A series as one row for each value, in the order of time, as dashboards read it: no member is
-    nested but the covariates, which are members of their own names.
-
-    Args:
-        document: of `series_document`.
+def flat_rows(
+    session: Session, series: MonitorSeries, points: Sequence[MonitorPoint]
+) -> list[dict[str, Any]]:
+    """Points as rows as dashboards read them: no member is nested but the covariates, which are
+    members of their own names.
     """
-    campaigns = {each["campaign_id"]: each for each in document["campaigns"]}
+    campaigns = campaigns_of(session, {point.campaign_id for point in points})
+    parameters = {row["name"]: row for row in (series.document or {"parameters": ()})["parameters"]}
     rows = []
-    for parameter in document["parameters"]:
-        base = parameter["baseline"]
-        for point in parameter["points"]:
-            campaign, judged = campaigns[point["campaign_id"]], point["judged"] or {}
-            half = Z_95 * point["standard_deviation"]
-            rows.append(
-                {
-                    "time": point["performed_at"],
-                    "parameter": parameter["name"],
-                    "unit": parameter["unit"],
-                    "campaign_id": point["campaign_id"],
-                    "campaign": campaign["name"],
-                    "value": point["raw"],
-                    "standard_deviation": point["standard_deviation"],
-                    "low": point["raw"] - half,
-                    "high": point["raw"] + half,
-                    "corrected": point["corrected"],
-                    "baseline": None if base is None else base["mean"],
-                    "in_baseline": point["in_baseline"],
-                    "score": judged.get("score"),
-                    "outside": judged.get("outside"),
-                    "state": parameter["state"],
-                    **{name: campaign[name] for name in CLIMATE},
-                    **campaign["covariates"],
-                }
-            )
-    return sorted(rows, key=lambda row: (row["time"], row["parameter"]))
+    for point in points:
+        campaign, judged = campaigns.get(point.campaign_id), point.judged or {}
+        parameter = parameters.get(point.parameter)
+        if campaign is None or parameter is None:
+            continue  # deleted, or judged anew, since
+        half, base = Z_95 * point.standard_deviation, parameter["baseline"]
+        rows.append(
+            {
+                "time": point.performed_at.isoformat(),
+                "parameter": point.parameter,
+                "unit": unit_of(point.parameter),
+                "campaign_id": str(point.campaign_id),
+                "campaign": campaign.name,
+                "value": point.raw,
+                "standard_deviation": point.standard_deviation,
+                "low": point.raw - half,
+                "high": point.raw + half,
+                "corrected": point.corrected,
+                "baseline": None if base is None else base["mean"],
+                "in_baseline": point.in_baseline,
+                "score": judged.get("score"),
+                "outside": judged.get("outside"),
+                "state": parameter["state"],
+                **{name: getattr(campaign, name) for name in CLIMATE},
+                **campaign.covariates,
+            }
+        )
+    return rows

@@ -122,15 +122,19 @@ def next_series(session: Session, monitor: Monitor, number: int, reason: str) ->
     return row
 
 
-def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRun]:
-    """The run that counts of each campaign, which is the one with the highest revision, by
-    campaign.
+def latest_runs(
+    session: Session, series: MonitorSeries, campaigns: Sequence[UUID] | None = None
+) -> dict[UUID, MonitorRun]:
+    """The run that counts of each campaign, or of each of these, which is the one with the highest
+    revision, by campaign.
     """
+    query = select(MonitorRun).where(MonitorRun.series_id == series.id)
+    if campaigns is not None:
+        query = query.where(MonitorRun.campaign_id.in_(campaigns))
     rows = session.scalars(
-        select(MonitorRun)
-        .where(MonitorRun.series_id == series.id)
-        .ext(distinct_on(MonitorRun.campaign_id))
-        .order_by(MonitorRun.campaign_id, MonitorRun.revision.desc())
+        query.ext(distinct_on(MonitorRun.campaign_id)).order_by(
+            MonitorRun.campaign_id, MonitorRun.revision.desc()
+        )
     )
     return {row.campaign_id: row for row in rows}
 
@@ -174,16 +178,6 @@ def _ended(
     return [(run, job) for run, job in rows]
 
 
-def counted(
-    candidates: Sequence[Candidate], runs: dict[UUID, MonitorRun]
-) -> list[tuple[Candidate, MonitorRun]]:
-    """The campaigns that make the series, in time order, each with its run: those without an
-    objection whose latest run has succeeded.
-    """
-    pairs = ((one, runs.get(one.campaign.id)) for one in candidates if one.objection is None)
-    return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
-
-
 def new_run(
     session: Session, series: MonitorSeries, one: Candidate, latest: MonitorRun | None
 ) -> MonitorRun:
@@ -199,11 +193,13 @@ def new_run(
     return run
 
 
-def arrival_of(session: Session, series: MonitorSeries) -> dict[UUID, UUID]:
-    """Key of each campaign's first run: the order in which campaigns came in."""
+def arrival_of(
+    session: Session, series: MonitorSeries, campaigns: Sequence[UUID]
+) -> dict[UUID, UUID]:
+    """Key of each of these campaigns' first run: the order in which they came in."""
     rows = session.execute(
         select(MonitorRun.campaign_id, MonitorRun.id)
-        .where(MonitorRun.series_id == series.id)
+        .where(MonitorRun.series_id == series.id, MonitorRun.campaign_id.in_(campaigns))
         .ext(distinct_on(MonitorRun.campaign_id))
         .order_by(MonitorRun.campaign_id, MonitorRun.id)
     )

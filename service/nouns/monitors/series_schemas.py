@@ -59,7 +59,8 @@ class SeriesParameterOut(_Part):
             " null without one"
         ),
     )
-    points: list[PointOut] = Field(description="in the order of time")
+    count: int = Field(description="how many campaigns have a value of it")
+    points: list[PointOut] = Field(description="of the campaigns that are shown, in time order")
     change_point: dict[str, Any] | None = Field(
         description="when and how much it changed; null without a change"
     )
@@ -86,6 +87,8 @@ class SeriesOut(_Part):
     assessed_at: datetime | None = Field(description="when it was last judged, UTC")
     judgement: dict[str, Any] | None = Field(description="how the last judgement went")
     notes: list[str]
-    campaigns: list[dict[str, Any]] = Field(description="each with its run")
+    total: int = Field(description="campaigns between `from` and `to`")
+    stride: int = Field(description="every so many-th of these is shown")
+    campaigns: list[dict[str, Any]] = Field(description="those that are shown, each with its run")
     parameters: list[SeriesParameterOut] = Field(description="the watched ones")
     alarms: list[dict[str, Any]] = Field(description="marks on the series")

@@ -136,6 +136,48 @@ class MonitorRun(Identified, Base):
     finished_at: Mapped[datetime | None]
 
 
+class MonitorTracks(Base):
+    """Which tracks the modes of a run are, as they were followed.
+
+    `chain` is a digest of the run and of all that were followed before it: while it is what it was,
+    so are the tracks.
+    """
+
+    __tablename__ = "monitor_tracks"
+    __table_args__ = (Index(None, "series_id", "performed_at"),)
+
+    run_id: Mapped[UUID] = mapped_column(
+        ForeignKey("monitor_runs.id", ondelete="CASCADE"), primary_key=True
+    )
+    series_id: Mapped[UUID] = mapped_column(ForeignKey("monitor_series.id", ondelete="CASCADE"))
+    performed_at: Mapped[datetime]
+    chain: Mapped[bytes]
+    numbers: Mapped[list[Any]]  # of each mode's track
+    identity_sd: Mapped[list[Any]]
+    # what is known after the run (`fecore.trend.Following`), of some runs and of the last
+    state: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True), deferred=True)
+
+
+class MonitorPoint(Base):
+    """A campaign's value of a parameter in a series, and how it was judged."""
+
+    __tablename__ = "monitor_points"
+
+    series_id: Mapped[UUID] = mapped_column(
+        ForeignKey("monitor_series.id", ondelete="CASCADE"), primary_key=True
+    )
+    parameter: Mapped[str] = mapped_column(primary_key=True)
+    performed_at: Mapped[datetime] = mapped_column(primary_key=True)
+    campaign_id: Mapped[UUID]  # no foreign key: a campaign's end would look for it everywhere
+    raw: Mapped[float]
+    standard_deviation: Mapped[float]
+    corrected: Mapped[float | None]
+    in_baseline: Mapped[bool]
+    judged: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    # from then on, with the campaign that raised the alarm that stands; None in the baseline
+    condition: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+
+
 class MonitorJudgement(Base):
     """One judgement of a series; its key is its job's, and so is its status."""
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import ForeignKey, Index, LargeBinary, delete, func, literal, select
+from sqlalchemy import ForeignKey, Index, LargeBinary, Select, delete, func, literal, select
 from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by, insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -98,6 +98,11 @@ class RecordingsHeld:
     digest: str  # of their files
     newest: datetime  # when the last one was stored
     processed: bool  # whether each has half spectra
+
+
+def recordings_from(first: UUID) -> Select[UUID]:
+    """Campaigns to which recordings came whose keys are at least this one, as part of a query."""
+    return select(Recording.campaign_id).where(Recording.id >= first)
 
 
 def recordings_held(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, RecordingsHeld]:

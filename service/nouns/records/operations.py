@@ -241,6 +241,11 @@ def remove_records(session: Session, import_id: UUID) -> int:
     return sum(session.scalars(gone))
 
 
+def records_from(first: UUID) -> Select[UUID]:
+    """Campaigns to which time blocks came whose keys are at least this one, as part of a query."""
+    return select(Record.campaign_id).where(Record.id >= first)
+
+
 def newest_records(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, datetime]:
     """When the newest time block of each campaign was stored; campaigns without any are left
     out.

@@ -8,6 +8,7 @@ is worked on.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import datetime
 from typing import Any, cast
 from uuid import UUID
 
@@ -81,7 +82,10 @@ def copy_rows(
         yield copy.write_row
 
 
-_TYPES = {int: "int4", float: "float8", str: "text", bytes: "bytea", UUID: "uuid"}
+_TYPES = {
+    int: "int4", float: "float8", str: "text", bytes: "bytea", UUID: "uuid",
+    bool: "bool", datetime: "timestamptz", object: "jsonb",
+}  # fmt: skip
 
 
 def new_keys(session: Session, count: int) -> list[UUID]:

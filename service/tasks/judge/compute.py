@@ -9,78 +9,31 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
+from uuid import UUID
 
 import numpy as np
 
-from fecore.arrays import BoolArray, FloatArray
 from fecore.trend import (
     Acknowledgement,
     Assessment,
     Direction,
+    Following,
     ModesOfRun,
     Moment,
     ParameterTrend,
     Series,
-    Shape,
     State,
     TrackedMode,
-    Watch,
+    Tracks,
     assess,
     mode_series,
     worst,
 )
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
-from fecore.trend.explanations import ChangeExplanation, Effects, change_of, explanations, in_words
-from fecore.trend.mode_series import EXACT
-from fecore.trend.patterns import FEWEST_MODES as FEWEST_OF_A_PATTERN
-from fecore.trend.patterns import deviations, patterns, patterns_in_words
-from fecore.trend.tracking import SAME_MODE
+from fecore.trend.mode_series import EXACT, day_of
 from service.platform.queue.kinds import Reporter
-
-
-@dataclass(frozen=True)
-class Observation:
-    """One campaign of the series."""
-
-    campaign: str  # its id
-    performed_at: datetime  # when it was measured
-    values: Mapping[str, Any]  # of `service.nouns.monitors.runs`
-    covariates: Mapping[str, float]  # by name; NaN where not measured
-    shapes: Sequence[Shape] = ()  # of the modes, of a monitor of modes
-
-
-@dataclass(frozen=True)
-class ModeEffects:
-    """What would move the frequencies of one campaign's m modes
-    (`fecore.updating.forecasts.FrequencyEffects`).
-    """
-
-    campaign: str  # its id
-    # stiffness, support: (m,) by name
-    stiffness: Mapping[str, FloatArray]
-    support: Mapping[str, FloatArray]
-    sites: FloatArray  # (P, 3), m
-    mass: FloatArray  # (m, P)
-
-
-@dataclass(frozen=True)
-class JudgementInputs:
-    """A series as it is to be judged."""
-
-    # in the order in which they came in, so that late ones can be recognised
-    observations: tuple[Observation, ...]
-    watch: Watch  # what is watched, and how
-    as_of: datetime  # now
-    acknowledged: tuple[Acknowledgement, ...]  # parameter and time of acknowledgements, by time
-    notes: tuple[str, ...]  # what is known to say already
-    # what would move the frequencies, of one campaign of the baseline; None where no result says it
-    mode_effects: ModeEffects | None = None
-    # standard deviations of a relative change of all stiffness over a season by conditions that are
-    # no covariates, by name
-    not_given: Mapping[str, float] = field(default_factory=dict)
-    # whether tracks of modes are watched: then `watch` has directions by `frequency` of all modes
-    # or `frequency_2` of one
-    of_modes: bool = False
+from service.tasks.judge.causes import causes_of, same_mode
+from service.tasks.judge.inputs import JudgementInputs, Observation
 
 
 @dataclass(frozen=True)
@@ -90,7 +43,8 @@ class Episode:
     parameter: str  # which
     campaign: str  # id of the campaign that raised it
     state: str  # `alarm`, `acknowledged`, or `cleared` where the parameter came back
-    details: dict[str, Any]  # for whoever gets the alarm
+    # for whoever gets the alarm; None of one that a campaign before the window raised
+    details: dict[str, Any] | None
 
 
 @dataclass(frozen=True)
@@ -100,13 +54,23 @@ class Judgement:
     document: dict[str, Any]
     episodes: tuple[Episode, ...]
     state: str
+    # by parameter, after when its points are new (None: all), and these
+    points: Mapping[str, tuple[datetime | None, Sequence[dict[str, Any]]]] = field(
+        default_factory=dict
+    )
+    followed: Sequence[dict[str, Any]] = ()  # runs that were followed, as they are stored
+    place: int = 0  # of the first of them in the series
+    # after which campaign, and up to which one, alarms were judged; None: all
+    within: tuple[datetime | None, datetime | None] = (None, None)
 
 
 def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
     """Judge a series."""
     report("judging", 0.1)
     notes = list(inputs.notes)
+    followed: list[dict[str, Any]] = []
     if inputs.of_modes:
+        inputs, followed = _followed(inputs)
         series, inputs, remarks = _tracked(inputs)
         notes += remarks
     else:
@@ -122,16 +86,85 @@ def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
     states = [trend.state for trend in trends.values()]
     states += [State.NO_DATA] * (len(inputs.watch.directions) - len(trends))
     state = worst(tuple(states)).value
-    document = {
-        "state": state,
-        "notes": notes,
-        "parameters": [describe_trend(trend) for trend in trends.values()],
+    described = {name: describe_trend(trend) for name, trend in trends.items()}
+    points = {
+        name: _new_points(trend, described[name].pop("points"), inputs)
+        for name, trend in trends.items()
     }
     yield Judgement(
-        document,
-        tuple(e for trend in trends.values() for e in _episodes(trend, inputs, trends)),
-        state,
+        document={"state": state, "notes": notes, "parameters": [*described.values()]},
+        episodes=tuple(e for trend in trends.values() for e in _episodes(trend, inputs, trends)),
+        state=state,
+        points=points,
+        followed=followed,
+        place=inputs.place,
+        within=(inputs.window.after, inputs.end),
     )
+
+
+def _followed(inputs: JudgementInputs) -> tuple[JudgementInputs, list[dict[str, Any]]]:
+    """The inputs with all runs followed, and those that were not before, in the order of time."""
+    following = Following() if not inputs.following else Following.from_document(inputs.following)
+    rows = []
+    tracks = {}
+    new = [each for each in inputs.observations if each.tracks is None]
+    for each in sorted(new, key=lambda each: each.performed_at):
+        run = _modes_of(each)
+        following, numbers, identity = following.after(run.modes, day_of(each.performed_at))
+        tracks[each.campaign] = numbers, identity
+        rows.append(
+            {
+                "run_id": UUID(each.run),
+                "performed_at": each.performed_at,
+                "chain": bytes.fromhex(each.chain),
+                "numbers": list(numbers),
+                "identity_sd": list(identity),
+                "state": following.document(),
+            }
+        )
+    observations = tuple(
+        each if each.tracks is not None else replace(each, tracks=tracks[each.campaign])
+        for each in inputs.observations
+    )
+    return replace(inputs, observations=observations), rows
+
+
+def _new_points(
+    trend: ParameterTrend, points: Sequence[dict[str, Any]], inputs: JudgementInputs
+) -> tuple[datetime | None, list[dict[str, Any]]]:
+    """After when a parameter's points are new, and these, each with the condition from then on."""
+    after = inputs.after
+    if after is not None and inputs.window.after is None:
+        based = trend.baseline
+        by_label = dict(zip(trend.series.labels, trend.series.dates, strict=True))
+        if based is None or by_label[based.labels[-1]] > after:
+            after = None  # all are corrected and judged by a baseline that was not there
+    conditions = _conditions(trend, inputs)
+    dates = trend.series.dates
+    return after, [
+        {**point, "condition": conditions.get(point["campaign_id"])}
+        for point, date in zip(points, dates, strict=True)
+        if after is None or date > after
+    ]
+
+
+def _conditions(trend: ParameterTrend, inputs: JudgementInputs) -> dict[str, dict[str, Any]]:
+    """By campaign, the condition of a parameter from then on."""
+    conditions = {}
+    raised = inputs.raised.get(trend.name)
+    for moment in trend.timeline:
+        if moment.state is State.NORMAL:
+            raised = None
+        if moment.state is State.ALARM and raised is None:
+            raised = moment.label
+        if moment.label is not None:
+            conditions[moment.label] = {
+                "state": moment.state.value,
+                "outside": moment.condition.outside,
+                "acknowledged": moment.condition.acknowledged,
+                "raised": raised,
+            }
+    return conditions
 
 
 def _tracked(
@@ -140,7 +173,12 @@ def _tracked(
     """Series of the modes that are watched, the inputs with each of them in its direction, and what
     is worth saying.
     """
-    followed = mode_series([_modes_of(each) for each in inputs.observations], inputs.watch.baseline)
+    tracks = [each.tracks or ((), ()) for each in inputs.observations]
+    followed = mode_series(
+        [_modes_of(each) for each in inputs.observations],
+        inputs.watch.baseline,
+        Tracks([numbers for numbers, _ in tracks], [identity for _, identity in tracks]),
+    )
     stated = inputs.watch.directions
     directions: dict[str, Direction] = {}
     for name in followed.series:
@@ -186,12 +224,12 @@ def _assessment(series: Mapping[str, Series], inputs: JudgementInputs) -> Assess
         inputs.watch, directions={name: inputs.watch.directions[name] for name in series}
     )
     effective: list[Acknowledgement] = []
-    assessment = assess(series, watch, inputs.as_of)
+    assessment = assess(series, watch, inputs.as_of, window=inputs.window)
     for acknowledgement in inputs.acknowledged:
         trend = assessment.parameters.get(acknowledgement.parameter)
         if trend is not None and _state_at(trend.timeline, acknowledgement.date) is State.ALARM:
             effective.append(acknowledgement)
-            assessment = assess(series, watch, inputs.as_of, effective)
+            assessment = assess(series, watch, inputs.as_of, effective, inputs.window)
     return assessment
 
 
@@ -240,8 +278,8 @@ def _episodes(
     trend: ParameterTrend, inputs: JudgementInputs, trends: Mapping[str, ParameterTrend]
 ) -> Iterator[Episode]:
     """Stretches of the timeline from an alarm to the next normal state."""
-    raised: str | None = None
-    last = State.NO_DATA
+    raised = inputs.raised.get(trend.name)
+    last = State.ALARM if raised else State.NO_DATA
     for moment in trend.timeline:
         if moment.state is State.NORMAL and raised is not None:
             yield _episode(trend, raised, "cleared", inputs, trends)
@@ -261,8 +299,9 @@ def _episode(
     inputs: JudgementInputs,
     trends: Mapping[str, ParameterTrend],
 ) -> Episode:
-    assert trend.watched is not None
     assert trend.baseline is not None
+    if trend.watched is None or campaign not in trend.watched.labels:
+        return Episode(trend.name, campaign, state, None)
     i = list(trend.watched.labels).index(campaign)
     details = {
         "performed_at": trend.watched.dates[i].isoformat(),
@@ -274,198 +313,6 @@ def _episode(
         **describe_judged(trend, i),
         "change_point": None if trend.change is None else describe_change(trend.change),
         "rate": None if trend.rate is None else describe_rate(trend.rate),
-        "explanations": _explained(trend, i, state, inputs, trends),
+        "explanations": causes_of(trend, i, state, inputs, trends),
     }
     return Episode(trend.name, campaign, state, details)
-
-
-def _explained(
-    trend: ParameterTrend,
-    raised: int,
-    state: str,
-    inputs: JudgementInputs,
-    trends: Mapping[str, ParameterTrend],
-) -> dict[str, Any] | None:
-    """What may have caused an alarm that still stands: of the campaigns since its change, or since
-    it was raised.
-    """
-    if state == "cleared" or (inputs.mode_effects is None and not inputs.of_modes):
-        return None
-    assert trend.watched is not None
-    assert trend.baseline is not None
-    first = raised if trend.change is None else min(raised, trend.change.index)
-    if inputs.mode_effects is None:
-        return _pattern(trends, trend.watched.dates[first])
-    return explained(
-        inputs.observations,
-        inputs.mode_effects,
-        trend.baseline.labels,
-        trend.watched.labels[first:],
-        inputs.watch.covariates,
-        inputs.not_given,
-    )
-
-
-def _pattern(trends: Mapping[str, ParameterTrend], since: datetime) -> dict[str, Any] | None:
-    """What moved since a change, of modes that no model explains; None where too few are there."""
-    of_frequency = [trend for name, trend in trends.items() if name.startswith("frequency_")]
-    later = {
-        label
-        for trend in of_frequency
-        for label, date in zip(trend.series.labels, trend.series.dates, strict=True)
-        if date >= since
-    }
-    moved = deviations(of_frequency, sorted(later))
-    if len(moved[0]) < FEWEST_OF_A_PATTERN:
-        return None
-    ranked = patterns(*moved)
-    return {
-        "ranked": [_described(each, ranked[0].evidence) for each in ranked],
-        "text": patterns_in_words(ranked),
-    }
-
-
-def same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> int | None:
-    """Which mode of this campaign, from 0, is the n-th of the earliest one: the nearest in
-    frequency, not further than 15 %.
-
-    Modes of another kind of motion, where the results say it, are others, so that bending may pass
-    torsion.
-    """
-    first = min(everyone, key=lambda o: o.performed_at)
-    if number > len(first.values["modes"]):
-        return None
-    kind, target_hz = _kind(first, number - 1), first.values["modes"][number - 1][0]
-    hz, there = _alike(observation, kind), _alike(first, kind)
-    if not hz:
-        return None
-    nearest = min(hz, key=lambda i: abs(hz[i] - target_hz))
-    rival = min(there.values(), key=lambda f: abs(f - hz[nearest]))
-    return nearest if rival == target_hz and abs(hz[nearest] / target_hz - 1) <= SAME_MODE else None
-
-
-def _alike(observation: Observation, kind: str | None) -> dict[int, float]:
-    """Frequencies of a campaign's modes that may be of a kind, by their numbers from 0."""
-    rows = enumerate(observation.values["modes"])
-    return {i: row[0] for i, row in rows if kind is None or _kind(observation, i) in (None, kind)}
-
-
-def _kind(observation: Observation, mode: int) -> str | None:
-    """Kind of motion of a mode; None where the run is of a version that kept none, or the mode has
-    no partner.
-    """
-    kinds = observation.values.get("kinds")
-    return None if kinds is None else kinds[mode]
-
-
-_FEWEST_MODES = 3  # of which a change has a pattern
-
-
-def explained(
-    observations: Sequence[Observation],
-    mode_effects: ModeEffects,
-    baseline: Sequence[str],
-    later: Sequence[str],
-    covariates: Sequence[str],
-    not_given: Mapping[str, float],
-) -> dict[str, Any] | None:
-    """Explanations of a change, ranked, and in words; None where too few modes or campaigns say
-    something.
-
-    Args:
-        observations: of the series.
-        mode_effects: at a campaign of the baseline.
-        baseline: campaigns of the baseline.
-        later: campaigns since the change.
-        covariates: that are regressed out.
-        not_given: conditions that are not; see `JudgementInputs`.
-    """
-    by = {o.campaign: o for o in observations}
-    row = _rows(by[mode_effects.campaign], observations)
-    paired = np.array([at >= 0 and np.isfinite(mode_effects.mass[at]).all() for at in row])
-    table = {name: _numbers(by[name], observations) for name in (*baseline, *later)}
-    modes = paired & np.all([np.isfinite(table[name][:-1]) for name in later], axis=0)
-    based = [name for name in baseline if np.isfinite(table[name][:-1][modes]).all()]
-    if modes.sum() < _FEWEST_MODES or len(based) < len(covariates) + 3:
-        return None
-    scaled = all(np.isfinite(table[name][-1]) for name in (*based, *later))
-    first, last = (
-        np.array([table[name][np.append(modes, scaled)] for name in names]).reshape(len(names), -1)
-        for names in (based, later)
-    )
-    at = _regressors([by[name] for name in based], [by[name] for name in later], covariates)
-    change, slopes = change_of(first, last, *at)
-    ranked = explanations(
-        change, _effects(mode_effects, row[modes], covariates, slopes[1:, : modes.sum()], not_given)
-    )
-    return {
-        "ranked": [_described(each, ranked[0].evidence) for each in ranked],
-        "text": in_words(ranked, tuple(not_given)),
-    }
-
-
-def _described(each: ChangeExplanation, most: float) -> dict[str, Any]:
-    """An explanation to the digits that mean something, its evidence over that of the likeliest."""
-    return {
-        "kind": each.kind,
-        "probability": round(each.probability, 3),
-        "evidence": _three_digits(each.evidence - most),
-        "sizes": {name: [*map(_three_digits, size)] for name, size in each.sizes.items()},
-    }
-
-
-def _three_digits(value: float) -> float:
-    return float(f"{value:.3g}")
-
-
-def _rows(observation: Observation, everyone: Sequence[Observation]) -> Any:
-    """(k,) the campaign's mode, from 0, that is each of the earliest campaign's; -1 where it has
-    none.
-    """
-    count = len(min(everyone, key=lambda o: o.performed_at).values["modes"])
-    matches = (same_mode(number, observation, everyone) for number in range(1, count + 1))
-    return np.array([-1 if at is None else at for at in matches], dtype=int)
-
-
-def _numbers(observation: Observation, everyone: Sequence[Observation]) -> FloatArray:
-    """(k + 1,) logarithms of the frequencies of the earliest campaign's modes, and of the FRFs'
-    scale; NaN where unknown.
-    """
-    hz = np.array([*(row[0] for row in observation.values["modes"]), np.nan])
-    scale = observation.values.get("frf_scale")
-    logarithms: FloatArray = np.log(
-        np.append(hz[_rows(observation, everyone)], np.nan if scale is None else scale)
-    )
-    return logarithms
-
-
-def _regressors(
-    based: Sequence[Observation], later: Sequence[Observation], covariates: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """Ones and covariates about the baseline's mean, which stands for what was not measured."""
-    measured = [
-        np.array([[o.covariates.get(name, np.nan) for name in covariates] for o in group]).reshape(
-            len(group), -1
-        )
-        for group in (based, later)
-    ]
-    centre = measured[0].mean(axis=0)
-    first, last = (np.column_stack([np.ones(len(c)), np.nan_to_num(c - centre)]) for c in measured)
-    return first, last
-
-
-def _effects(
-    mode_effects: ModeEffects,
-    rows: BoolArray,
-    covariates: Sequence[str],
-    slopes: FloatArray,
-    not_given: Mapping[str, float],
-) -> Effects:
-    return Effects(
-        stiffness={name: each[rows] for name, each in mode_effects.stiffness.items()},
-        support={name: each[rows] for name, each in mode_effects.support.items()},
-        sites=mode_effects.sites,
-        mass=mode_effects.mass[rows],
-        covariates=dict(zip(covariates, slopes, strict=True)),
-        not_given=not_given,
-    )

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,27 +19,40 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from fecore.trend import Acknowledgement, Watch
+from fecore import __version__
+from fecore.trend import Acknowledgement, Watch, Window
 from fecore.trend import Chart as CoreChart
-from service.nouns.campaigns.climate import CLIMATE, stated, stiffness_sds
+from fecore.trend.assessment import ALL
+from fecore.trend.series import listed
+from service.nouns.campaigns.climate import stiffness_sds
 from service.nouns.modes.operations import modes_of, shape_of
 from service.nouns.monitors.alarms import acknowledged, set_state, update_alarms
-from service.nouns.monitors.candidates import Candidate, candidates_of
+from service.nouns.monitors.counted import (
+    Counted,
+    counted,
+    counted_digest,
+    is_under_way,
+    update_job_of,
+    values_of_runs,
+)
+from service.nouns.monitors.followed import (
+    chained,
+    keep_tracks,
+    place_to_go_on,
+    state_after,
+    tracks_of,
+)
 from service.nouns.monitors.judgements import judged, last_judgement, note_judgement
-from service.nouns.monitors.runs import arrival_of, counted, latest_runs, monitor_for
+from service.nouns.monitors.points import counts_of, keep_points, left_before
+from service.nouns.monitors.runs import arrival_of, monitor_for
 from service.nouns.updates.operations import arrays_of
 from service.platform.queue.kinds import CORE_LIBRARIES, JobKind
 from service.platform.queue.queue import enqueue
-from service.tasks.judge.compute import (
-    Judgement,
-    JudgementInputs,
-    ModeEffects,
-    Observation,
-    judge,
-)
+from service.tasks.judge.compute import Judgement, judge
+from service.tasks.judge.inputs import JudgementInputs, ModeEffects, Observation
 
 if TYPE_CHECKING:
-    from service.nouns.monitors.tables import Alarm, Monitor, MonitorRun, MonitorSeries
+    from service.nouns.monitors.tables import Alarm, Monitor, MonitorSeries
 
 GRACE = 1.5
 """A campaign is late when this many expected intervals have passed since the one before."""
@@ -48,20 +63,28 @@ alarm.
 """
 
 
+WINDOW, BETWEEN = 500, 200
+"""The last campaigns of a long series of modes, which are judged anew each time, and how many of
+those between the baseline's and these say how fast a parameter changes.
+"""
+
+BEYOND = 200
+"""A baseline is made within four times as many runs as it has, and these."""
+
+FOLLOWED_AT_ONCE = 2000
+"""Runs that one judgement follows at most; the next one goes on, so memory is bounded."""
+
+
 def judge_if_changed(
     session: Session, monitor: Monitor, series: MonitorSeries, now: datetime
 ) -> None:
     """Queue a judgement if there is something new to judge. The transaction holds the monitor's
     row.
     """
-    runs = latest_runs(session, series)
-    if any(run.state == "running" for run in runs.values()):
+    if is_under_way(session, series):
         return
-    pairs = counted(candidates_of(session, monitor, now, timedelta(0)), runs)
-    if not pairs and series.digest is None:
-        return
-    digest = _digest(session, monitor, pairs, now)
-    if digest == series.digest:
+    digest = _digest(session, monitor, series, now)
+    if digest is None or digest == series.digest:
         return
     last = last_judgement(session, series)
     if last is not None and last.state in ("queued", "running"):
@@ -75,58 +98,95 @@ def judge_if_changed(
     note_judgement(session, job.id, series, digest)
 
 
-def _digest(
-    session: Session, monitor: Monitor, pairs: list[tuple[Candidate, MonitorRun]], now: datetime
-) -> str:
-    """Of everything that a judgement depends on."""
+def _digest(session: Session, monitor: Monitor, series: MonitorSeries, now: datetime) -> str | None:
+    """Of everything that a judgement depends on; None where there never was anything to judge."""
+    campaigns, last = counted_digest(session, monitor, series)
+    if campaigns is None and series.digest is None:
+        return None
     used = {
-        "runs": [
-            [
-                str(run.id),
-                one.campaign.performed_at and one.campaign.performed_at.isoformat(),
-                *(getattr(one.campaign, name) for name in CLIMATE),
-                *([one.campaign.covariates] if one.campaign.covariates else []),
-            ]
-            for one, run in pairs
-        ],
+        "campaigns": campaigns,
         "watch": monitor.watch,
         "interval": monitor.expected_interval_days,
         "acknowledged": [str(alarm.id) for alarm in acknowledged(session, monitor)],
-        "late": _late(monitor, pairs, now),
+        "late": _late(monitor, last, now),
     }
     return hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()
 
 
-def _late(monitor: Monitor, pairs: list[tuple[Candidate, MonitorRun]], now: datetime) -> int:
+def _late(monitor: Monitor, last: datetime | None, now: datetime) -> int:
     """How many campaigns should have come since the last one."""
-    if monitor.expected_interval_days is None or not pairs:
+    if monitor.expected_interval_days is None or last is None:
         return 0
-    last = pairs[-1][0].campaign.performed_at
-    assert last is not None
     intervals = (now - last) / timedelta(days=monitor.expected_interval_days)
     return max(0, int(intervals - GRACE) + 1) if intervals > GRACE else 0
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """Which campaigns of a series a judgement takes, by their places in the order of time."""
+
+    taken: Sequence[int]  # their places
+    place: int  # of the first that is not followed yet
+    end: int  # after the last one
+    window: Window
 
 
 def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
     row, series, monitor = judged(session, job_id)
     now = datetime.now(UTC)
-    runs = latest_runs(session, series)
-    pairs = counted(candidates_of(session, monitor, now, timedelta(0)), runs)
-    row.digest = _digest(session, monitor, pairs, now)  # what is judged is what is there now
-    described = pairs[: monitor.watch["baseline"]]
-    arrival = arrival_of(session, series)
-    pairs.sort(key=lambda pair: arrival[pair[0].campaign.id])
-    watch = watch_of(monitor)
-    return JudgementInputs(
-        observations=tuple(_observations(session, pairs)),
-        watch=watch,
-        as_of=now,
-        acknowledged=tuple(_acknowledgement(alarm) for alarm in acknowledged(session, monitor)),
-        notes=tuple(_notes(series, pairs)),
-        mode_effects=_mode_effects_of(session, described[-1][1]) if described else None,
-        of_modes=monitor.watches == "modes",
-        not_given=stiffness_sds(watch.covariates),
+    watch, of_modes = watch_of(monitor), monitor.watches == "modes"
+    entries = counted(session, monitor, series)
+    seen = [_acknowledgement(alarm) for alarm in acknowledged(session, monitor)]
+    seed = f"{__version__} {json.dumps(monitor.watch)} {monitor.expected_interval_days}"
+    chain = chained(seed, entries, sorted((each.date, each.parameter) for each in seen))
+    place = place_to_go_on(session, series, entries, chain) if of_modes else 0
+    extent = _extent(entries, place, watch.baseline if of_modes else None)
+    # what is judged is what is there now, unless more follows
+    row.digest = (
+        (_digest(session, monitor, series, now) or "") if extent.end == len(entries) else ""
     )
+    left = {}
+    if extent.window.after is not None:
+        known = counts_of(session, series)
+        left = left_before(session, series, known, extent.window.after)
+    taken = [(entries[at], chain[at], at >= place) for at in extent.taken]
+    arrival = arrival_of(session, series, [entry.campaign_id for entry, *_ in taken])
+    taken.sort(key=lambda each: arrival[each[0].campaign_id])
+    described = entries[: watch.baseline]
+    return JudgementInputs(
+        observations=tuple(_observations(session, taken, of_modes=of_modes)),
+        watch=watch,
+        as_of=now if extent.end == len(entries) else entries[extent.end - 1].performed_at,
+        acknowledged=tuple(seen),
+        notes=tuple(_notes(series, [entry for entry, *_ in taken], len(entries) - extent.end)),
+        mode_effects=_mode_effects_of(session, described[-1]) if described else None,
+        of_modes=of_modes,
+        not_given=stiffness_sds(watch.covariates),
+        following=state_after(session, entries[place - 1].run_id) if place else None,
+        place=place,
+        window=replace(extent.window, before={name: one for name, (one, _) in left.items()}),
+        raised={name: raised for name, (_, raised) in left.items() if raised is not None},
+        after=entries[place - 1].performed_at if place else None,
+        end=entries[extent.end - 1].performed_at if extent.end < len(entries) else None,
+    )
+
+
+def _extent(entries: Sequence[Counted], place: int, baseline: int | None) -> _Extent:
+    """What a judgement takes: all, or of a long series of modes the first campaigns, which make the
+    baseline, some between, and the last ones.
+    """
+    n = len(entries)
+    if baseline is None:
+        return _Extent(range(n), 0, n, ALL)
+    first = 4 * baseline + BEYOND
+    end = min(n, place + FOLLOWED_AT_ONCE)
+    until = entries[first - 1].performed_at if n >= first else None
+    begin = min(place, end - WINDOW)
+    if begin <= first + BETWEEN:
+        return _Extent(range(end), place, end, Window(None, baseline_until=until))
+    between = range(first, begin, math.ceil((begin - first) / BETWEEN))
+    window = Window(entries[begin - 1].performed_at, baseline_until=until)
+    return _Extent([*range(first), *between, *range(begin, end)], place, end, window)
 
 
 def watch_of(monitor: Monitor) -> Watch:
@@ -138,9 +198,10 @@ def watch_of(monitor: Monitor) -> Watch:
     )
 
 
-def _mode_effects_of(session: Session, run: MonitorRun) -> ModeEffects | None:
+def _mode_effects_of(session: Session, entry: Counted) -> ModeEffects | None:
     """What would move a run's frequencies; None of a run of a version that did not keep it."""
-    arrays = None if run.update_job_id is None else arrays_of(session, run.update_job_id)
+    key = update_job_of(session, entry.run_id)
+    arrays = None if key is None else arrays_of(session, key)
     if arrays is None or "mass_effects" not in arrays:
         return None
     stiffness, support = (
@@ -148,31 +209,39 @@ def _mode_effects_of(session: Session, run: MonitorRun) -> ModeEffects | None:
         for kind in ("stiffness", "support")
     )
     return ModeEffects(
-        str(run.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"]
+        str(entry.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"]
     )
 
 
 def _observations(
-    session: Session, pairs: list[tuple[Candidate, MonitorRun]]
+    session: Session, taken: Sequence[tuple[Counted, bytes, bool]], *, of_modes: bool
 ) -> Iterator[Observation]:
-    """What each run saw; of a monitor of modes with their shapes, which its values leave where they
-    are.
+    """What each run saw; of a monitor of modes with its tracks, or with the shapes by which it is
+    to be followed, which its values leave where they are.
     """
-    values_of = {run.id: run.values or {} for _, run in pairs}
-    sets = [UUID(each["mode_set"]) for each in values_of.values() if "mode_set" in each]
+    runs = [entry.run_id for entry, *_ in taken]
+    values_of = values_of_runs(session, runs)
+    tracks = tracks_of(session, runs) if of_modes else {}
+    new = [values_of[entry.run_id] for entry, _, fresh in taken if fresh]
+    sets = [UUID(each["mode_set"]) for each in new if "mode_set" in each]
     shapes = {
         key: tuple(shape_of(mode) for mode in modes)
         for key, modes in (modes_of(session, sets).items() if sets else ())
     }
-    for one, run in pairs:
-        campaign, values = one.campaign, values_of[run.id]
-        assert campaign.performed_at is not None
+    for entry, link, fresh in taken:
+        values = values_of[entry.run_id]
         yield Observation(
-            campaign=str(campaign.id),
-            performed_at=campaign.performed_at,
+            campaign=str(entry.campaign_id),
+            performed_at=entry.performed_at,
             values=values,
-            covariates=stated(campaign),
+            covariates={
+                name: math.nan if value is None else float(value)
+                for name, value in entry.conditions.items()
+            },
             shapes=shapes.get(UUID(values["mode_set"]), ()) if "mode_set" in values else (),
+            run=str(entry.run_id),
+            chain=link.hex(),
+            tracks=None if fresh else tracks.get(entry.run_id),
         )
 
 
@@ -185,22 +254,27 @@ def _acknowledgement(alarm: Alarm) -> Acknowledgement:
     return Acknowledgement(alarm.parameter, max(alarm.acknowledged_at, raised))
 
 
-def _notes(series: MonitorSeries, pairs: list[tuple[Candidate, MonitorRun]]) -> Iterator[str]:
-    for one, run in pairs:
-        if run.revision > 1:
-            yield (
-                f"campaign {one.campaign.id} was run again (revision {run.revision}); its earlier"
-                " values no longer count"
-            )
+def _notes(series: MonitorSeries, entries: Sequence[Counted], to_come: int) -> Iterator[str]:
+    if to_come:
+        yield f"{to_come} later campaigns are still to be judged"
+    again = [entry for entry in entries if entry.revision > 1]
+    for entry in again[-_NOTED:]:
+        yield (
+            f"campaign {entry.campaign_id} was run again (revision {entry.revision}); its earlier"
+            " values no longer count"
+        )
     others: dict[str, list[str]] = {}
-    for one, run in pairs:
-        if run.software not in (None, series.software):
-            others.setdefault(str(run.software), []).append(str(one.campaign.id))
+    for entry in entries:
+        if entry.software not in (None, series.software):
+            others.setdefault(str(entry.software), []).append(str(entry.campaign_id))
     for software, campaigns in others.items():
         yield (
             f"version {series.software} opened this series, {software} ran campaign"
-            f" {', '.join(campaigns)}; a rerun makes a uniform series"
+            f" {listed(campaigns)}; a rerun makes a uniform series"
         )
+
+
+_NOTED = 20  # runs that were corrected, each in a note
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[Judgement]) -> None:
@@ -217,7 +291,9 @@ def _store(session: Session, job_id: UUID, items: Iterator[Judgement]) -> None:
         datetime.now(UTC),
     )
     monitor.series = series.number
-    update_alarms(session, monitor, series, judgement.episodes)
+    keep_points(session, series, judgement.points)
+    keep_tracks(session, series, judgement.followed, judgement.place)
+    update_alarms(session, monitor, series, judgement.episodes, judgement.within)
     set_state(session, monitor, judgement.state)
 
 

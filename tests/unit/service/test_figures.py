@@ -36,7 +36,7 @@ from service.nouns.monitors.runs import unit_of
 from service.platform.errors import Conflict, NotFound
 from service.reports.figure_data import FigureQuery, UpdateFigures, _row_at
 from service.reports.figures import FIGURES, _shapes, draw_figure, draw_sheets
-from service.tasks.judge.compute import Observation
+from service.tasks.judge.inputs import Observation
 from tests.support.judged import judged, observe, values
 
 

@@ -101,12 +101,12 @@ def test_intervals_of_the_change_point_cover_it(pattern) -> None:
         baseline, watched, _ = fit_baseline(series, n)
         scores = score(baseline, watched)
         found = change_point(
-            series.dates[n - 1 :], series.days[n - 1 :], scores.residual, scores.covariance,
+            series.dates[n - 1 :], series.days[n - 1 :], scores.residual, scores.covariance(baseline),
             baseline.fit.degrees_of_freedom, pattern=pattern,
         )  # fmt: skip
         held += found.interval[0] <= at <= found.interval[1]
         chosen = change_point(
-            series.dates[n - 1 :], series.days[n - 1 :], scores.residual, scores.covariance,
+            series.dates[n - 1 :], series.days[n - 1 :], scores.residual, scores.covariance(baseline),
             baseline.fit.degrees_of_freedom,
         )  # fmt: skip
         named += chosen.pattern == pattern
@@ -123,7 +123,7 @@ def test_the_size_of_a_change_is_its_size() -> None:
         series.dates[5:],
         series.days[5:],
         scores.residual,
-        scores.covariance,
+        scores.covariance(baseline),
         baseline.fit.degrees_of_freedom,
     )
     assert (found.pattern, found.index, found.interval) == ("step", 0, (0, 0))
