@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from fecore.arrays import BoolArray, FloatArray
+from fecore.arrays import BoolArray, FloatArray, log_sum
 from fecore.quantities import CLAMP
 from fecore.updating.additions import Kind
 from fecore.updating.damage import lost_stiffness
@@ -358,12 +358,10 @@ class _Sources:
         as_stated = _log_gaussian(off, V + own)
         log_weight = logs - as_stated
         weight = scipy.special.softmax(log_weight)
-        slipped = [
-            scipy.special.logsumexp(log_weight + _log_gaussian(off, V + k**2 * own)) for k in SLIPS
-        ]
-        evidence = scipy.special.logsumexp(slipped) - scipy.special.logsumexp(
-            log_weight + as_stated, b=len(SLIPS)
+        slipped = np.array(
+            [log_sum(log_weight + _log_gaussian(off, V + k**2 * own)) for k in SLIPS]
         )
+        evidence = log_sum(slipped) - np.log(len(SLIPS)) - log_sum(log_weight + as_stated)
         rest, elsewhere = weight @ m, self.problem.x.copy()
         elsewhere[source.places] = rest
         layout = self.elastic.layout

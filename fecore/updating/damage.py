@@ -76,7 +76,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray, log_sum
 from fecore.quantities import kind_of
 from fecore.updating.damage_effects import LOSSES, SHAPES, DamageEffects, DamageTerms, Stretch
 from fecore.updating.elastic import Misfit
@@ -378,7 +378,7 @@ class _Compared:
 
     @property
     def likeliest(self) -> Stretch:
-        return self.effects.intervals[int(np.argmax(scipy.special.logsumexp(self.log, axis=0)))]
+        return self.effects.intervals[int(np.argmax(log_sum(self.log, axis=0)))]
 
 
 @dataclass(frozen=True)
@@ -475,14 +475,14 @@ def _likelier(
             for log_prior, (log, _) in zip(log_priors.tolist(), own, strict=True)
         ]
     )
-    weight = (logs - scipy.special.logsumexp(logs)).reshape(-1, len(given))
+    weight = (logs - log_sum(logs)).reshape(-1, len(given))
     # ln B is zero without a loss, and nearly a parabola in it.
     over = [np.stack([gain / LOSSES[:, None] for _, gain in own], axis=1) for own in gains]
     each = [
         w[:, None, None] + (_FINE[:, None, None] * _between(own)).transpose(1, 0, 2)
         for w, own in zip(weight, over, strict=True)
     ]
-    return np.asarray(scipy.special.logsumexp(np.concatenate(each), axis=0))
+    return log_sum(np.concatenate(each), axis=0)
 
 
 def _between(over: FloatArray) -> FloatArray:
