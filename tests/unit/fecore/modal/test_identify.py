@@ -295,7 +295,9 @@ def test_a_wide_band_has_its_modes_down_to_its_lowest_hundredth(drift: float) ->
     assert np.isclose(found.drift, d.std(), rtol=0.2)
 
 
+@pytest.mark.long
 def test_measured_ruler_to_2_khz() -> None:
+    """In short a wide band of made modes and the measured free beam above."""
     shared_file("MEASURED", "measured", "ruler.mat")
     found = identify(SETS["ruler to 2 kHz"]())
     modes, seen = found.modes, found.found.modes.frequency_hz

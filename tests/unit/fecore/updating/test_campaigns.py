@@ -116,9 +116,10 @@ def test_the_odd_one_out_is_named_with_a_number() -> None:
     assert "campaign strip 45 as one of another material" in result.verdict.reasons[0]
 
 
-def test_scatter_between_specimens_widens(campaigns: list[Campaign]) -> None:
-    one_material = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0))
-    scattering = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0.05))
+def test_scatter_between_specimens_widens() -> None:
+    two = panel(np.random.default_rng(3), modes=6)[:2]
+    one_material = update_campaigns(two, CampaignsRecipe(scatter=0))
+    scattering = update_campaigns(two, CampaignsRecipe(scatter=0.05))
     firm, loose = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering))
     assert one_material.discrepancy.scatter is None
     assert scattering.discrepancy.scatter is not None

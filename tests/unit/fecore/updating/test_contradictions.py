@@ -59,8 +59,9 @@ def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_som
     probability p at most.
     """
     elastic = settled(fit_elastic(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons())))
-    assert compare_sources(elastic)[0] == ()
-    masses = [check for check, _ in _Sources.of(elastic).checks if check.kind == "mass"]
+    sources = _Sources.of(elastic)
+    assert sources.contradicting == []
+    masses = [check for check, _ in sources.checks if check.kind == "mass"]
     assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
     assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
 
@@ -131,9 +132,10 @@ def test_a_check_agrees_with_a_fit_without_its_source() -> None:
     """
     campaigns = strips(0)
     layout = lay_out(campaigns, MATERIAL_PARAMETERS, 0.0, coupons(1.15))
-    (conflict,) = compare_sources(settled(fit_elastic(layout)))[0]
+    sources = _Sources.of(settled(fit_elastic(layout)))
+    (check,) = (each for each, _ in sources.checks if each.name == "coupons")
     without = settled(fit_elastic(replace(layout, coupons=())))
-    for said in conflict.cause.said:
+    for said in check.said:
         place = layout.shared.index(said.constant)
         sd = np.sqrt(without.mixture.total[place, place]) * said.rest
         assert said.rest == pytest.approx(layout.material(without.x)[place], abs=0.3 * sd)
@@ -172,7 +174,7 @@ def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:
     assert conflict.level in ("with_care", "do_not_use")
 
 
-@pytest.mark.parametrize("by", [0.009, 0.06])
+@pytest.mark.parametrize("by", [long(0.009), 0.06])
 def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
     """Also where all discrepancies but the largest have a weight that is 0 to rounding, as 60 mm
     are 120 stated errors.

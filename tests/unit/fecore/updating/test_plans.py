@@ -13,6 +13,7 @@ from fecore.body.supports import PointMass
 from fecore.updating.campaigns import update_campaigns
 from fecore.updating.layout import Coupon
 from fecore.updating.plans import PlannedCoupons, PlannedTest, best_points, plan_tests
+from tests.support.lengths import long
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, tour
 
 
@@ -53,7 +54,7 @@ def test_what_a_test_will_show_is_foreseen() -> None:
             ), parameter.name
 
 
-@pytest.mark.parametrize("angles", [(0,), (0, 90)])
+@pytest.mark.parametrize("angles", [long((0,)), (0, 90)])
 def test_what_coupons_will_bring_is_foreseen(angles: tuple[int, ...]) -> None:
     """Beside one strip they are one more piece, beside two one more specimen that scatters: the
     same in plan and update.

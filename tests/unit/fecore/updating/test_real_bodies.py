@@ -14,6 +14,8 @@ from fecore.updating.pipeline import update
 from tests.support.draws import LAW, NOMINAL, STATED, Truth, measured
 from tests.support.fits import at_prior, forward_model
 
+RAYLEIGH = Recipe(damping_models=("rayleigh",))
+
 
 def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
     """ν_xy is stated as 0.25 and is 0.33: Ey of a wide plate came out 4.7 % high and three standard
@@ -55,7 +57,7 @@ def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
     drawing.
     """
     body = replace(STATED, divisions=(20, 2), **{name: stated})  # type: ignore[arg-type]
-    result = update(measured(Truth(), NOMINAL, np.random.default_rng(1)), body)
+    result = update(measured(Truth(), NOMINAL, np.random.default_rng(1)), body, RAYLEIGH)
     assert result.verdict.level == ("usable" if warning is None else "with_care")
     expected = [] if warning is None else [warning]
     assert len(result.verdict.reasons) == len(expected)
@@ -76,8 +78,8 @@ def test_frfs_of_another_quantity_give_the_same() -> None:
     specimen = replace(STATED, boundary="free", divisions=(20, 2))
     whole = measured(Truth(boundary="free"), NOMINAL, np.random.default_rng(1))
     body = replace(whole, frfs=whole.frfs.select(list(range(2, 33, 5))))  # they are alike
-    accelerance = update(body, specimen)
-    other = update(replace(body, frfs=body.frfs.to_quantity("mobility")), specimen)
+    accelerance = update(body, specimen, RAYLEIGH)
+    other = update(replace(body, frfs=body.frfs.to_quantity("mobility")), specimen, RAYLEIGH)
     assert other.verdict.level == accelerance.verdict.level == "usable"
     for p, q in zip(other.parameters, accelerance.parameters, strict=True):
         limit = (
@@ -87,6 +89,7 @@ def test_frfs_of_another_quantity_give_the_same() -> None:
     mistaken = update(
         replace(body, frfs=replace(body.frfs.to_quantity("mobility"), quantity="accelerance")),
         specimen,
+        RAYLEIGH,
     )
     assert (
         "stated to be accelerance and are like the model's mobility: correct"
@@ -101,7 +104,7 @@ def test_a_free_specimen_stated_as_clamped_lacks_the_lowest_mode() -> None:
     """
     body = measured(Truth(boundary="free"), NOMINAL, np.random.default_rng(1))
     short = replace(body, frfs=body.frfs.band(5.0, 720.0))
-    result = update(short, replace(STATED, divisions=(20, 2)), Recipe(damping_models=("rayleigh",)))
+    result = update(short, replace(STATED, divisions=(20, 2)), RAYLEIGH)
     assert result.verdict.level == "do_not_use"
     assert re.match(
         r"the model has modes at 29\.\d+ Hz, 2\d\d\.\d+ Hz that the FRFs should show",
@@ -111,7 +114,7 @@ def test_a_free_specimen_stated_as_clamped_lacks_the_lowest_mode() -> None:
     unseen = update(
         replace(short, frfs=short.frfs.select(centre)),
         replace(STATED, boundary="free", divisions=(20, 2)),
-        Recipe(damping_models=("rayleigh",)),
+        RAYLEIGH,
     )
     assert unseen.verdict.level == "usable"  # torsion is not measured there, nor to be expected
 
@@ -126,9 +129,8 @@ def test_damping_does_not_suffer_from_a_clamp_that_gives_way_and_an_unstated_sen
     """
     truth = Truth(clamp=0.01, sensor=1.5e-3, length=0.5e-3)
     material = replace(NOMINAL, Ex=0.8 * NOMINAL.Ex, Gxy=1.2 * NOMINAL.Gxy)
-    result = update(
-        measured(truth, material, np.random.default_rng(3)), replace(STATED, divisions=(20, 2))
-    )
+    given = measured(truth, material, np.random.default_rng(3))
+    result = update(given, replace(STATED, divisions=(20, 2)), RAYLEIGH)
     a1 = next(p for p in result.parameters if p.name == "a1")
     assert abs(a1.estimate / LAW[1] - 1) < 0.005
     low, high = a1.interval_95
