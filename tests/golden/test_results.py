@@ -3,9 +3,7 @@ coupons, monitors, failures.
 """
 
 import json
-from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 from uuid import uuid4
 
@@ -15,7 +13,6 @@ import pytest
 
 import modalbase
 from examples.joint_update import paper_bar_together
-from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from examples.plies import plate, simulated
 from service.app.supervisor import LocalService
 from service.pages.example.paper import MODES, STRUCTURE, uff_file
@@ -33,9 +30,8 @@ from tests.integration import test_coupons as curves
 from tests.integration.test_updates import ANGLES, EXACT, PLY, stored
 from tests.support.golden import check
 from tests.support.lengths import long
-from tests.support.rest import finished, mode_rows, ok, posted, session_client
+from tests.support.rest import client_of, finished, mode_rows, ok, posted, session_client
 from tests.support.strips import STRIP, TRUTH, measured
-from tests.support.waiting import until
 
 TWO = [{"name": "Ex"}, {"name": "Gxy"}]
 RAYLEIGH = ["rayleigh"]
@@ -54,10 +50,11 @@ OF_PAPER: dict[str, dict[str, Any]] = {
         "parameters": [*TWO, {"name": "tip", "prior_sd": 2000.0}],
         "damping_models": ["mechanism_support", "rayleigh"],
     },
-    "zones": {"zones_m": [0.2], "parameters": TWO, "damping_models": RAYLEIGH},
     "laws": {"damping_models": EVERY_LAW, "parameters": TWO},
     "linear": {"weighting": "linear", "damping_models": RAYLEIGH, "band_hz": [10, 500]},
-    "held-out": {
+    "zones": {
+        "zones_m": [0.2],
+        "parameters": TWO,
         "hold_out": {"points": [2, 7], "band_hz": [200, 300]},
         "weighting": "log",
         "damping_models": RAYLEIGH,
@@ -66,28 +63,42 @@ OF_PAPER: dict[str, dict[str, Any]] = {
     "no-mode": {"identification": {"band_hz": [200, 300]}},
 }
 """Recipes, each for the FRFs of the paper's beam."""
-HELD_BY_THE_CORE = {"joint-method", "shapes", "laws", "linear"}  # whose own tests are of these
+IN_OTHERS = {"default", "joint-method", "shapes", "laws", "linear"}
+"""The core's own tests are of these, and the open sets have the default."""
+
+
+@pytest.fixture(scope="module")
+def api(service: LocalService) -> Iterator[httpx.Client]:
+    """A client of one user for all of them."""
+    with client_of(service, f"golden {uuid4()}") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def paper(api: httpx.Client, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A campaign with the FRFs of the paper's beam."""
+    campaign = new_campaign(api, STRUCTURE)
+    (file := tmp_path_factory.mktemp("paper") / "paper_beam.uff").write_bytes(uff_file())
+    assert imported(api, campaign, file)["status"] == "succeeded"
+    return campaign
 
 
 @pytest.mark.parametrize(
-    "name", [long(name) if name in HELD_BY_THE_CORE else name for name in OF_PAPER]
+    "name", [long(name) if name in IN_OTHERS else name for name in OF_PAPER]
 )
-def test_updates_of_the_papers_beam(api: httpx.Client, tmp_path: Path, name: str) -> None:
-    campaign = new_campaign(api, STRUCTURE)
-    (file := tmp_path / "paper_beam.uff").write_bytes(uff_file())
-    assert imported(api, campaign, file)["status"] == "succeeded"
-    found = updated(api, campaign, OF_PAPER[name])
+def test_updates_of_the_papers_beam(api: httpx.Client, paper: str, name: str) -> None:
+    found = updated(api, paper, OF_PAPER[name])
     check(f"update-paper-{name}", found)
     if name == "spring":
         truths.has_no_spring(found["result"])
     if name == "sampled":
-        gaussian = updated(api, campaign, {**OF_PAPER[name], "posterior": "laplace"})
+        gaussian = updated(api, paper, {**OF_PAPER[name], "posterior": "laplace"})
         truths.agree(found["result"], gaussian["result"])
 
 
 @pytest.mark.parametrize(
     "name",
-    [long("cantilever-1pct"), "cantilever-5pct-sensor-mass", long("free-1pct"), "paper-like"],
+    [*map(long, ("cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct")), "paper-like"],
 )
 def test_updates_of_open_sets(api: httpx.Client, name: str) -> None:
     found = updated(api, open_campaign(api, name), {})
@@ -325,56 +336,6 @@ def test_coupons(api: httpx.Client, structure: str) -> None:
         api, batches, {"name": "Table 4", "constants": ["Ex", "Ey"], "published": published}
     )["id"]
     check("coupons", {**found, "published": ok(api.get(f"coupon-batches/{batch}/summary"))})
-
-
-def test_a_monitors_series(api: httpx.Client, project: str) -> None:
-    """Seven months of which the last two have lost stiffness, with their temperatures: an alarm has
-    a history of what was known when.
-    """
-    structure = posted(api, f"projects/{project}/structures", structure_body())["id"]
-    recipe = {
-        "identification": {"band_hz": [5, 500], "highest_order": 10},
-        "damping_models": RAYLEIGH,
-        "parameters": TWO,
-    }
-    watch = {
-        "name": "m",
-        "recipe": recipe,
-        "parameters": [{"name": "Ex"}, {"name": "a0"}, {"name": "frequency_1"}],
-        "baseline": {"campaigns": 5},
-        "covariates": ["temperature_c"],
-    }
-    monitor = posted(api, f"structures/{structure}/monitors", watch)["id"]
-    path = f"monitors/{monitor}"
-
-    def judged(count: int) -> Any:
-        series = ok(api.get(f"{path}/series"))
-        return (
-            series if [len(row["points"]) for row in series["parameters"]] == [count] * 3 else None
-        )
-
-    for month in range(7):
-        state = State(
-            stiffness=0.97 if month > 4 else 1.0,
-            climate=1 - 0.001 * (month * 5 % 7),
-            damping=1 + 0.01 * (month % 3),
-        )
-        at = datetime(2024, 1, 15, 10, tzinfo=UTC) + timedelta(days=30 * month)
-        body = {
-            "name": f"month {month}",
-            "performed_at": at.isoformat(),
-            "temperature_c": 15.0 + month * 5 % 7,
-        }
-        post_campaign(api, structure, body, measured_frfs(state, month))
-        if month > 4:
-            series = until(lambda count=month + 1: judged(count), "the series of all campaigns")
-    documents = {
-        "series": series,
-        "monitor": ok(api.get(path)),
-        "alarms": ok(api.get("alarms")),
-        "figure": ok(api.get(f"{path}/series/figure", params={"parameter": "Ex"})),
-    }
-    check("monitor", documents)
 
 
 TIP_MASS = {"x_m": 0.5, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
