@@ -52,6 +52,7 @@ if TYPE_CHECKING:
 
 
 _WALKERS_PER_DIMENSION = 16  # of the ensemble
+_FEWEST_WALKERS = 96  # they move together, and a step of fewer takes as long
 _BLOCK = 200  # steps between looks at the autocorrelation time
 _LONGEST = 40_000  # steps; a chain that is not converged by then is refused
 _TIMES_AUTOCORRELATION = 50  # autocorrelation times that a chain must have (emcee's advice)
@@ -163,7 +164,10 @@ def run_chain(
 
     scale = np.sqrt(np.diag(covariance))
     dimension = start.size
-    walkers = max(_WALKERS_PER_DIMENSION * dimension, 16)
+    walkers = max(_WALKERS_PER_DIMENSION * dimension, _FEWEST_WALKERS)
+    restored = None if checkpoint is None else checkpoint.restored
+    if restored is not None:  # perhaps by another version, with other walkers
+        walkers = _walkers(restored)
     random = np.random.RandomState(seed.generate_state(4))  # what emcee takes
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
     sampler = emcee.EnsembleSampler(
@@ -172,8 +176,8 @@ def run_chain(
     state = emcee.State(
         random.standard_normal((walkers, dimension)), random_state=random.get_state()
     )
-    if checkpoint is not None and checkpoint.restored is not None:
-        state = _unpack(checkpoint.restored, sampler.backend)
+    if restored is not None:
+        state = _unpack(restored, sampler.backend)
     steps, tau = sampler.iteration, np.full(dimension, np.inf)
     while steps < _LONGEST:
         state = sampler.run_mcmc(state, _BLOCK, skip_initial_state_check=steps > 0)
@@ -206,6 +210,11 @@ def _pack(backend: emcee.backends.Backend) -> bytes:
     buffer = io.BytesIO()
     np.savez(buffer, **kept, key=key, rest=np.array(rest, dtype=float))
     return buffer.getvalue()
+
+
+def _walkers(data: bytes) -> int:
+    with np.load(io.BytesIO(data)) as kept:
+        return int(kept["chain"].shape[1])
 
 
 def _unpack(data: bytes, backend: emcee.backends.Backend) -> emcee.State:

@@ -285,7 +285,7 @@ def test_a_chain_taken_up_again_ends_with_the_same_bits() -> None:
             start=np.zeros(2),
             covariance=covariance,
             seed=np.random.SeedSequence(1),
-            target=2000,
+            target=20_000,
             progress=lambda _: None,
             names=("a", "b"),
             checkpoint=kept,
