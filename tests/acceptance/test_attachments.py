@@ -13,29 +13,33 @@ from tests.acceptance.test_browser import overflow, signed_in
 from tests.support.browser import answered, hindrances, watched_page
 from tests.support.furnished import MONITOR
 from tests.support.laboratory import BEAM
+from tests.support.lengths import long
 from tests.support.rest import client_at, posted
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 
-@pytest.mark.parametrize("width", [1400, 390])
+@pytest.mark.parametrize(
+    ("width", "nouns"), [(390, ["monitors"]), long(1400, ["projects", "structures", "monitors"])]
+)
 def test_what_is_dropped_is_shown_and_can_be_removed(
-    running: Browser, service: LocalService, tmp_path: Path, width: int
+    running: Browser, service: LocalService, tmp_path: Path, width: int, nouns: list[str]
 ) -> None:
     """On the page of each noun, as they share one part; a name is text, whatever it holds."""
     key = service.new_key("photographer")
     with client_at(service.url, key) as api:
-        project = posted(api, "projects", {"name": "photos"})["id"]
-        structure = posted(api, f"projects/{project}/structures", BEAM)["id"]
-        monitor = posted(api, f"structures/{structure}/monitors", MONITOR)["id"]
+        ids = {"projects": posted(api, "projects", {"name": "photos"})["id"]}
+        ids["structures"] = posted(api, f"projects/{ids['projects']}/structures", BEAM)["id"]
+        path = f"structures/{ids['structures']}/monitors"
+        ids["monitors"] = posted(api, path, MONITOR)["id"]
     image, other = tmp_path / "clamp.png", tmp_path / "<img src=x onerror=alert(1)>.txt"
     Image.new("RGB", (400, 300), "red").save(image)
     other.write_text("notes")
     with watched_page(running, service.url, width=width) as seen:
-        page = signed_in(seen, key, f"/ui/projects/{project}")
-        for path in (f"projects/{project}", f"structures/{structure}", f"monitors/{monitor}"):
-            page.goto(f"/ui/{path}")
+        page = signed_in(seen, key, "/ui/keys")
+        for noun in nouns:
+            page.goto(f"/ui/{noun}/{ids[noun]}")
             page.fill("[data-attached] [name=caption]", "from the left")
             page.set_input_files("[data-attached] [type=file]", [image, other])
             page.wait_for_selector(f".attached a:has-text('{other.name}')")

@@ -41,7 +41,7 @@ def expected() -> dict[str, int]:
     return counts
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def key(service: LocalService) -> str:
     """The key of a laboratory that has run the script as a user does."""
     key = service.new_key("bridge warden")
@@ -78,12 +78,12 @@ def test_page_library_and_command_give_one_answer(
             shown = re.search(r'<h2 id="count">([\d,]+) ', page)
             assert shown is not None, html.unescape(page)
             assert int(shown[1].replace(",", "")) == count
+        trends_have_what_was_made(lab)
 
 
-def test_the_trends_have_what_was_made(service: LocalService, key: str) -> None:
-    with modalbase.connect(service.url, key) as lab:
-        constants = lab.find(*QUESTIONS[-1][1:]).trend("Ex").series
-        modes = lab.find(*QUESTIONS[-2][1:]).trend().series
+def trends_have_what_was_made(lab: modalbase.Laboratory) -> None:
+    constants = lab.find(*QUESTIONS[-1][1:]).trend("Ex").series
+    modes = lab.find(*QUESTIONS[-2][1:]).trend().series
     for series, share in [*((one, 1.0) for one in constants), *((one, 0.5) for one in modes)]:
         beside = series["lines"][1]
         low, high = beside["relative_interval_95"]

@@ -88,13 +88,13 @@ def sessions_of_api(here: Floor, which: str = "true") -> int:
 
 
 def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client) -> None:
-    """The same beam in three campaigns: the results of one batch equal that of a job alone, but for
+    """The same beam in two campaigns: the results of one batch equal that of a job alone, but for
     where they were made.
     """
     project = ok(api.post("projects", json={"name": "many"}))["id"]
     structure = ok(api.post(f"projects/{project}/structures", json=paper.STRUCTURE))["id"]
     jobs = []
-    for _ in range(3):
+    for _ in range(2):
         campaign = ok(api.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN))["id"]
         sent = api.post(
             f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=paper.uff_file()
@@ -107,7 +107,7 @@ def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client)
         )["id"]
         jobs.append({"campaign_id": campaign, "recipe": {**RECIPE, "mode_set": modes}})
     (single,) = results(api, jobs[:1])
-    assert results(api, jobs[1:]) == [single, single]
+    assert results(api, jobs) == [single, single]
 
 
 def results(api: httpx.Client, jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:

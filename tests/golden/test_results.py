@@ -83,9 +83,7 @@ def paper(api: httpx.Client, tmp_path_factory: pytest.TempPathFactory) -> str:
     return campaign
 
 
-@pytest.mark.parametrize(
-    "name", [long(name) if name in IN_OTHERS else name for name in OF_PAPER]
-)
+@pytest.mark.parametrize("name", [long(name) if name in IN_OTHERS else name for name in OF_PAPER])
 def test_updates_of_the_papers_beam(api: httpx.Client, paper: str, name: str) -> None:
     found = updated(api, paper, OF_PAPER[name])
     check(f"update-paper-{name}", found)

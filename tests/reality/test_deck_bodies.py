@@ -110,7 +110,6 @@ def test_a_trailing_edge_of_other_skins(thickness: str) -> None:
     body = body_of(content, "a.inp")
     ratio = hz(body, 2) / hz(replace(body, with_joints=False), 2)
     assert (np.abs(ratio - 1) < 0.05 * float(thickness)).all()
-    forecasts_find_their_points(body)
 
 
 def test_two_layers_on_the_same_nodes() -> None:
