@@ -207,6 +207,7 @@ ROW_TYPES = {"json": "application/json", "parquet": ARRAY_WRITERS["parquet"].med
     responses={200: {"content": {ROW_TYPES["parquet"]: {}}}},
 )
 def get_series_rows(
+    request: Request,
     monitor_id: UUID,
     session: SessionDep,
     user: CurrentUser,
@@ -236,7 +237,8 @@ def get_series_rows(
     if form == "json":
         return Page(items=rows, next_cursor=following)
     columns = dict.fromkeys(name for row in rows for name in row)
-    link = {"Link": f'<?cursor={following}>; rel="next"'} if following else {}
+    following_page = request.url.include_query_params(cursor=following)
+    link = {"Link": f'<?{following_page.query}>; rel="next"'} if following else {}
     return spooled(
         lambda file: ARRAY_WRITERS[form].write(
             {name: [row.get(name) for row in rows] for name in columns}, file
