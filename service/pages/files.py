@@ -80,8 +80,10 @@ def _facts(look: FileLook, filename: str) -> dict[str, Any]:
         "name": filename,
         "model": look.is_model,
         "asks_units": look.is_model and not look.states_units,
+        "fits": look.fits,
+        "has_only_modes": set(look.counts) <= {"modes", "grid points"} and "modes" in look.counts,
         "points": look.counts["grid points"],
         "structure/name": look.title or stem,
-        "campaign/name": stem,
+        "campaign/name": "" if look.is_model else stem,
         "campaign/performed_at": at and at.isoformat(timespec="minutes"),
     }

@@ -5,6 +5,7 @@ joint updates, plans.
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
@@ -13,6 +14,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_correcting import MATERIAL, PLATE, saved
+from tests.support import profiles
 from tests.support.browser import (
     Watched,
     hindrances,
@@ -20,9 +22,9 @@ from tests.support.browser import (
     noted_on_leaving,
     watched_page,
 )
+from tests.support.lengths import long
 from tests.support.places import shared_file
-from tests.support.profiles import deck
-from tests.support.rest import client_at, ok, posted
+from tests.support.rest import client_at, finished, ok, posted
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -50,7 +52,7 @@ MATERIAL_OF_HITS = {
     "material/Gyz_Pa": 4.5,
     "material/nu_xy": 0.2,
 }
-MOST_CLICKS_OF_HITS = 6
+MOST_CLICKS_OF_HITS, MOST_CLICKS_OF_A_DECK = 6, 8
 
 
 def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:
@@ -96,6 +98,51 @@ def test_raw_hits_become_a_result_in_few_clicks(running: Browser, service: Local
         assert page.locator("#parameters tbody tr:has-text('Ex')").count() > 0
         assert seen.clicks <= MOST_CLICKS_OF_HITS
         assert (seen.complaints, seen.strangers) == ([], [])
+
+
+@pytest.mark.parametrize("modes", [False, long(True)])
+def test_a_deck_becomes_a_printed_report_in_few_clicks(
+    running: Browser, service: LocalService, tmp_path: Path, modes: bool
+) -> None:
+    """A deck and what was measured of it, FRFs or modes alone, by a newcomer: only units and
+    support are asked for, and the units that fit are offered.
+    """
+    files = tmp_path / "angle.inp", tmp_path / "angle.uff"
+    files[0].write_bytes(profiles.deck(1e-3))
+    files[1].write_bytes(identified(service) if modes else profiles.measured())
+    with watched_page(running, service.url) as seen:
+        page = seen.page
+        page.goto("/")
+        page.fill("#key", service.new_key("engineer"))
+        seen.click("button:text('Sign in')")
+        page.wait_for_url("**/ui/")
+        seen.drop(*files)
+        seen.click("button:text('Take mm-N-t')")
+        seen.fill("campaign/", {"boundary": "free"})
+        assert page.input_value("[name='campaign/name']") == "angle"
+        seen.click("button:text-is('Import 2 files')")
+        page.wait_for_url("**/ui/update-jobs/*")
+        page.wait_for_selector("#verdict")
+        with page.context.expect_event("response", lambda one: "/report" in one.url) as report:
+            seen.click("a.button[data-report]")
+        assert report.value.headers["content-type"] == "application/pdf"
+        assert seen.clicks <= MOST_CLICKS_OF_A_DECK
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def identified(service: LocalService) -> bytes:
+    """Points and modes of the measured angle, as a UFF file."""
+    with client_at(service.url, service.new_key("modes")) as api:
+        project = posted(api, "projects", {"name": "modes"})["id"]
+        structure = posted(api, f"projects/{project}/structures", {"name": "angle"})["id"]
+        test = {"name": "modes", "boundary": "free"}
+        campaign = posted(api, f"structures/{structure}/campaigns", test)["id"]
+        sent = api.post(f"campaigns/{campaign}/imports", content=profiles.measured())
+        finished(api, sent.headers["Location"])
+        done = api.post(f"campaigns/{campaign}/identifications", json={})
+        finished(api, done.headers["Location"])
+        key = ok(api.get(f"campaigns/{campaign}/mode-sets"))["items"][0]["id"]
+        return api.get(f"mode-sets/{key}", params={"format": "uff"}).content
 
 
 def test_the_example_is_made_removed_and_had_back_by_a_click_each(
@@ -163,7 +210,7 @@ def test_structures_of_every_kind_are_made_and_chosen(
 
         page.goto(f"/ui/new?project={project}")
         page.set_input_files(
-            "#file", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck()}
+            "#file", {"name": "angle.inp", "mimeType": "text/plain", "buffer": profiles.deck()}
         )
         page.wait_for_selector("[data-looked] tbody :text('m-N-kg?')")
         page.fill("[name=units]", "m-N-kg")

@@ -128,6 +128,14 @@ function stateFacts() {
   const model = looked.find(({ facts }) => facts.model && !facts.refused);
   const { deck, units } = form.elements;
   if (model && deck.files[0] !== model.file) {
+    const { asks_units: asked, fits } = model.facts;
+    form.querySelector("[data-fits]")?.remove();
+    if (fits) {
+      const take = made("button", { type: "button", className: "tool" }, `Take ${fits}, which fit`);
+      take.dataset.fits = "";
+      take.onclick = () => fill(units, fits);
+      units.after(take);
+    }
     const held = new DataTransfer();
     held.items.add(model.file);
     deck.files = held.files;
@@ -135,7 +143,7 @@ function stateFacts() {
     const kind = form.querySelector("select[data-kind]");
     kind.value = "deck";
     kind.dispatchEvent(new Event("change", { bubbles: true }));
-    units.required = model.facts.asks_units;
+    units.required = asked;
   }
 }
 /* Points are asked for where no file has them and the update needs them; the button counts what is
@@ -152,9 +160,9 @@ function askMissing() {
   form.querySelector("[data-points]").hidden = points;
   form.elements.points.required = Boolean(files.length) && !points && thenUpdate(form);
   const missing = document.querySelectorAll(".asks :is(input, select, textarea):required:invalid");
-  const count = files.length === 1 ? "1 file" : `${files.length} files`;
+  const sent = looked.filter(({ facts }) => !facts.refused).length;
   form.querySelector("[type=submit]").textContent =
-    (files.length ? `Import ${count}` : "Store the test") +
+    (sent ? `Import ${sent} file${sent === 1 ? "" : "s"}` : "Store the test") +
     (looked.length && missing.length ? `: ${missing.length} missing` : "");
 }
 const thenUpdate = (form) => {
@@ -263,7 +271,10 @@ async function newTest(form) {
     one.sent = text;
   }
   if (!then) return leave(`ui/campaigns/${campaign}`);
-  const { id } = await send("POST", `campaigns/${campaign}/update-jobs`, {});
+  const recipe = {};
+  if (files.every(({ facts }) => facts.has_only_modes))
+    recipe.mode_set = (await call("GET", `campaigns/${campaign}/mode-sets`)).items.at(-1).id;
+  const { id } = await send("POST", `campaigns/${campaign}/update-jobs`, recipe);
   return leave(`ui/update-jobs/${id}`);
 }
 async function newStructure(form, body, make) {

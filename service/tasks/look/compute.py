@@ -41,7 +41,8 @@ class FileLook:
     notes: tuple[str, ...] = ()  # what its reader noticed
     title: str = ""  # its own name of what was measured
     program: str = ""  # that wrote it
-    units: str = ""  # that it states, in its own words; of a deck, those that fit
+    units: str = ""  # that it states, in its own words
+    fits: str = ""  # units in which the materials of a deck are known ones
     performed_at: datetime | None = None  # local time that it states
     is_model: bool = False  # whether it is a deck or a mesh
     states_units: bool = True  # whether its numbers need no unit to be stated
@@ -91,6 +92,7 @@ def _model(path: Path, filename: str, suffix: str) -> FileLook:
         counts=counts,
         notes=notes,
         title=model.title,
+        fits="" if offered is None else offered.units,
         is_model=True,
         states_units=False,
     )
