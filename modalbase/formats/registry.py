@@ -90,6 +90,7 @@ class Format:
     frfs: str = ""  # path, most bytes, quantity -> `Frfs` of a file that needs no mapping
     # path -> names of what such a file states; None of one that it is not
     own_names: str = ""
+    texts: str = ""  # path, most bytes -> what it says in words, by name
     is_table: bool = False  # of text, whose layout a mapping may state
     states_quantity: bool = False  # its own FRFs may say what they are
     fixed_rate: bool = False  # its head states one sampling rate for all channels
@@ -219,6 +220,7 @@ _ROWS = (
         media_types=("application/x-npz",),
         marks=(b"PK",),
         arrays="records.variables:npz_arrays",
+        texts="statements:array_texts",
         parts="records.npz:open_npz",
         frfs="frfs.npz:read_npz",
         own_names="frfs.npz:own_names",
@@ -251,6 +253,7 @@ _ROWS = (
             Dependency("h5py", "h5py", "mat73", ".mat of version 7.3", "; or save it with -v7"),
         ),
         arrays="records.variables:mat_arrays",
+        texts="statements:array_texts",
     ),
     Format(
         "hdf5",
@@ -279,6 +282,7 @@ _ROWS = (
         other_suffixes=(".tsv", ".txt", ".dat", ".asc", ".lvm", ".prn", ".tab", ".tra", ".text"),
         media_types=("text/csv",),
         arrays="records.variables:csv_arrays",
+        texts="statements:table_texts",
         recording="records.text:open_recording",
         frfs="frfs.csv:read_csv",
         own_names="frfs.csv:own_names",
@@ -296,6 +300,7 @@ _ROWS = (
         marks=(b"RIFF", b"RIFX", b"RF64"),
         arrays="records.variables:wav_arrays",
         recording="records.wav:read_wav_head",
+        texts="records.wav:wav_texts",
         fixed_rate=True,
     ),
     Format(
@@ -308,6 +313,7 @@ _ROWS = (
         marks=(b"TDSm",),
         needs=(Dependency("nptdms", "npTDMS", "tdms"),),
         recording="records.tdms:read_tdms_head",
+        texts="records.tdms:tdms_texts",
     ),
     Format(
         "mdf",

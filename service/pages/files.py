@@ -86,4 +86,5 @@ def _facts(look: FileLook, filename: str) -> dict[str, Any]:
         "structure/name": look.title or stem,
         "campaign/name": "" if look.is_model else stem,
         "campaign/performed_at": at and at.isoformat(timespec="minutes"),
+        **{f"campaign/instruments/{name}": text for name, text in look.instruments.items()},
     }

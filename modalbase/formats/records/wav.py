@@ -15,6 +15,7 @@ FRAMES = 1 << 17
 """Of a chunk."""
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _KINDS = ("u1", "i2", "i3", "i4", "i8", "f4", "f8")
+_MOST_WORDS = 1 << 16  # bytes of a list
 _UNKNOWN_LENGTH = 0xFFFF_FFFF
 """Size that a recorder declares, or 0, which writes its file as it measures and never comes back to
 the head.
@@ -148,6 +149,29 @@ def read_wav_head(path: Path) -> Wav:
                 return replace(_head(path, form, order, begin, declared), declared=not open_ended)
             file.seek(begin + declared + declared % 2)
     raise FormatError("", "cannot be read as .wav: it has no format or no samples")
+
+
+def wav_texts(path: Path, _most_bytes: int) -> dict[str, str]:
+    """When a wav was recorded, as its chunk of broadcasters (`bext`) or its list `INFO` says."""
+    said = {}
+    with path.open("rb") as file:
+        order: Literal["little", "big"] = "big" if file.read(12)[:4] == b"RIFX" else "little"
+        while len(head := file.read(8)) == 8:
+            length, begin = int.from_bytes(head[4:], order), file.tell()
+            if head[:4] == b"bext":
+                own = file.read(min(length, 338))
+                said["recording date"] = _words(own[320:330]) + " " + _words(own[330:338])
+            elif head[:4] == b"LIST" and (own := file.read(min(length, _MOST_WORDS))):
+                while len(own := own[4:]) > 8:
+                    size = int.from_bytes(own[4:8], order)
+                    said[_words(own[:4])] = _words(own[8 : 8 + size])
+                    own = own[4 + size + size % 2 :]
+            file.seek(begin + length + length % 2)
+    return said
+
+
+def _words(raw: bytes) -> str:
+    return raw.split(b"\0")[0].decode("latin-1").strip()
 
 
 def _head(path: Path, form: bytes, order: Literal["little", "big"], begin: int, length: int) -> Wav:

@@ -37,10 +37,7 @@ function shownIn(input, value) {
       .map(([key, item]) => `${key}: ${lineOf(item)}`)
       .join("\n");
   if ("list" in input.dataset) return value.join(", ");
-  if (input.type === "datetime-local") {
-    const at = new Date(value);
-    return new Date(at - at.getTimezoneOffset() * 60000).toISOString().slice(0, 16);
-  }
+  if (input.type === "datetime-local") return localTime(value);
   return Array.isArray(value)
     ? value.map((one) => inUnit(input, one)).join("; ")
     : inUnit(input, value);

@@ -122,7 +122,7 @@ function stateFacts() {
     for (const [name, value] of Object.entries(facts)) {
       const input = name.includes("/") && form.elements[name];
       if (!input || !value || input.value) continue;
-      fill(input, value);
+      fill(input, input.type === "datetime-local" ? localTime(value) : value);
       input.after(made("small", { className: "stated" }, `from ${facts.name}`));
     }
   const model = looked.find(({ facts }) => facts.model && !facts.refused);

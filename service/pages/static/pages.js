@@ -231,9 +231,13 @@ async function sendAgain({ read, into, name }, stated) {
   const original = await fetch(rest(`imports/${read}/original`));
   return sendFile(into, await original.blob(), name, stated);
 }
+/* The report on an import, in the place of an element. */
+const report = (id, target) =>
+  htmx.ajax("GET", at(`ui/imports/${id}?part=1`), { target, swap: "outerHTML" });
 async function lookAgain(form, stated) {
-  await sendAgain(form.dataset, [["dry_run", "true"], ...stated]);
-  leave();
+  const { id } = await sendAgain(form.dataset, [["dry_run", "true"], ...stated]);
+  if (uploaded) await report(id, form.closest(".import"));
+  else leave();
 }
 document.addEventListener("change", ({ target }) => {
   // what its arrays are decides what is asked of it
@@ -251,45 +255,49 @@ function statedIn(form) {
   if (Object.keys(mapping).length) stated.push(["mapping", JSON.stringify(mapping)]);
   return stated;
 }
+const readAs = new Map(); // imports, and the sections that asked how to read them
 async function readSo(form) {
   const stated = statedIn(form);
-  for (const { dataset } of [
+  for (const { dataset, parentElement: section } of [
     form,
     ...(form.querySelector("[data-alike]").checked ? alike(form) : []),
-  ])
-    await sendAgain(dataset, stated);
-  leave(`ui/${form.dataset.into.replace(/\/imports$/, "")}`);
+  ]) {
+    const { id } = await sendAgain(dataset, stated);
+    stale = true;
+    readAs.set(id, section);
+    if (uploaded) await report(id, placeAbove(section));
+  }
+  if (!uploaded) leave(`ui/${form.dataset.into.replace(/\/imports$/, "")}`);
+}
+function placeAbove(element) {
+  const place = made("div");
+  element.before(place);
+  return place;
 }
 
-/* When all files of a campaign are read, its page is loaded anew, as it has FRFs that it did not
-   have: instead of showing the last report, whose form somebody might begin to fill in. What is
-   typed already, and a fault that is shown, are not taken away. */
+/* When all files of a campaign are read, their list and the tabs are those of now; what is in the
+   other parts is loaded when one of them is opened. */
 const uploaded = document.getElementById("uploaded");
 let sending = 0,
-  stale = uploaded?.querySelector("[hx-get]") != null,
-  kept = false;
-uploaded?.addEventListener("input", () => {
-  kept = true;
-});
-function renewed(last = null) {
-  if (
-    !stale ||
-    sending ||
-    leaving ||
-    [...uploaded.querySelectorAll("[hx-get]")].some((report) => report !== last)
-  )
-    return false;
-  if (kept) say("All files are read: load the page anew to see what is in them.");
-  else leave();
-  return !kept;
+  stale = uploaded?.querySelector("[hx-get]") != null;
+async function renewFiles() {
+  for (const [id, asked] of readAs)
+    if (document.querySelector(`#import-${id} .state.succeeded`)) asked.remove();
+  if (!stale || sending || leaving || uploaded.querySelector("[hx-get]")) return;
+  stale = false;
+  const answer = await fetch(location.pathname);
+  const next = new DOMParser().parseFromString(await answer.text(), "text/html");
+  document.querySelector(".tabs").innerHTML = next.querySelector(".tabs").innerHTML;
+  document.querySelector("#files > .scroll")?.remove();
+  uploaded.after(...next.querySelectorAll("#files > .scroll"));
+  history.replaceState(null, "", location.pathname + location.search + "#files");
+  document.querySelector(".tabs [href='#files']").setAttribute("aria-current", "page");
+  addEventListener("hashchange", () => leave(), { once: true });
 }
 document.addEventListener("htmx:beforeSwap", ({ detail }) => {
-  if (
-    leaving ||
-    (!detail.isError && !detail.serverResponse.includes(" hx-get=") && renewed(detail.target))
-  )
-    detail.shouldSwap = false;
+  if (leaving) detail.shouldSwap = false;
 });
+document.addEventListener("htmx:afterSettle", renewFiles);
 document.addEventListener("htmx:afterSettle", begin);
 
 async function uploadAll(form, files) {
@@ -297,25 +305,19 @@ async function uploadAll(form, files) {
   form.querySelector(".faults").textContent = "";
   for (const file of files) {
     try {
-      const made = await upload(form.dataset.upload, file, form).finally(() => {
+      const sent = await upload(form.dataset.upload, file, form).finally(() => {
         sending -= 1;
       });
-      if (made.already_imported) say(`${file.name} is in this campaign already.`);
+      if (sent.already_imported) say(`${file.name} is in this campaign already.`);
       else say("");
-      stale ||= !made.already_imported;
-      const holder = document.createElement("div");
-      uploaded.prepend(holder);
-      await htmx.ajax("GET", at(form.dataset.then.replace("{id}", made.id)), {
-        target: holder,
-        swap: "outerHTML",
-      });
+      stale ||= !sent.already_imported;
+      await report(sent.id, uploaded.insertBefore(made("div"), uploaded.firstChild));
     } catch (problem) {
-      kept = true;
       say("");
       showFaults(form, problem);
     }
   }
-  renewed();
+  renewFiles();
 }
 document.addEventListener("change", ({ target }) => {
   if (target.type === "file" && target.form?.dataset.upload)
@@ -354,6 +356,11 @@ function number(rows) {
 /* A number of REST in the unit of its field. */
 const inUnit = (input, value) =>
   input.dataset.scale ? Number((value / Number(input.dataset.scale)).toPrecision(15)) : value;
+/* A time as a field of a form shows it, of the clock here. */
+const localTime = (text) => {
+  const at = new Date(text);
+  return new Date(at - 60_000 * at.getTimezoneOffset()).toISOString().slice(0, 16);
+};
 function fill(input, value) {
   if (!input) return;
   const shown = (one) => (one?.variable ? one.variable : inUnit(input, one));

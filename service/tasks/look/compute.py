@@ -14,8 +14,16 @@ from typing import Any
 from modalbase.formats import uff
 from modalbase.formats.models.units import guess
 from modalbase.formats.registry import FORMATS, Kind
+from modalbase.formats.statements import (
+    date_in,
+    instruments,
+    performed_at,
+    texts_in,
+    with_sensitivities,
+)
 from service.compute.models.meshes import MESHES
 from service.compute.models.reading import READERS, parsed
+from service.compute.recordings import limit_of
 from service.tasks.import_file.arrays_of_files import FileDescription
 from service.tasks.import_file.compute import Kept, ReadingInputs, read_upload
 
@@ -23,7 +31,6 @@ MODELS = (*READERS, *MESHES)
 """Ends of names of files that hold a model; some of them may hold a measurement instead."""
 
 _MEASURED = frozenset(suffix for row in FORMATS.values() for suffix in row.every_suffix)
-_DATES = ("%d-%b-%y %H:%M:%S", "%d-%b-%Y %H:%M:%S", "%d-%b-%y", "%d-%b-%Y", "%Y-%m-%d %H:%M:%S")
 _BLANK = re.compile(r"\s+")
 _NO_NAME = ("", "none", "unknown")
 
@@ -43,7 +50,8 @@ class FileLook:
     program: str = ""  # that wrote it
     units: str = ""  # that it states, in its own words
     fits: str = ""  # units in which the materials of a deck are known ones
-    performed_at: datetime | None = None  # local time that it states
+    performed_at: datetime | None = None  # that it states, local where it names no zone
+    instruments: dict[str, str] = field(default_factory=dict)  # by members of a campaign's
     is_model: bool = False  # whether it is a deck or a mesh
     states_units: bool = True  # whether its numbers need no unit to be stated
 
@@ -76,7 +84,15 @@ def look_at(path: Path, filename: str, kind: Kind | None) -> FileLook:
         return _model(path, filename, suffix)
     inputs = ReadingInputs(path, None, filename, kind=kind, dry_run=True)
     looked = _gathered(read_upload(inputs, _Silence()))
-    return _with_head(path, looked) if looked.format == "uff" else looked
+    if looked.format == "uff":
+        return _with_head(path, looked)
+    texts = texts_in(path, looked.format, limit_of(path))
+    return replace(
+        looked,
+        mapping=with_sensitivities(looked.mapping, texts),
+        performed_at=performed_at(texts),
+        instruments=instruments(texts),
+    )
 
 
 def _model(path: Path, filename: str, suffix: str) -> FileLook:
@@ -141,7 +157,7 @@ def _with_head(path: Path, looked: FileLook) -> FileLook:
         elif isinstance(item, uff.Units):
             head["units"] = _named(item.description)
         elif isinstance(item, uff.Frf | uff.Function):
-            head["performed_at"] = next(filter(None, map(_date, item.id_lines)), None)
+            head["performed_at"] = next(filter(None, map(date_in, item.id_lines)), None)
             break
         elif isinstance(item, uff.TimeResponse | uff.ModeShape):
             break
@@ -151,19 +167,3 @@ def _with_head(path: Path, looked: FileLook) -> FileLook:
 def _named(text: str) -> str:
     text = _BLANK.sub(" ", text).strip()
     return "" if text.lower() in _NO_NAME else text
-
-
-def _date(text: str) -> datetime | None:
-    """A date as analysers write it; None of other words, and of a year 2000 that means nothing.
-
-    >>> _date("02-Jun-25 10:05:00"), _date("NONE")
-    (datetime.datetime(2025, 6, 2, 10, 5), None)
-    """
-    plain = _BLANK.sub(" ", text).strip()
-    for form in _DATES:
-        try:
-            date = datetime.strptime(plain, form)
-        except ValueError:
-            continue
-        return None if (date.year, date.month, date.day) == (2000, 1, 1) else date
-    return None
