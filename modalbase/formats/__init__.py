@@ -10,6 +10,7 @@ npy                             the arrays of an npz, each read no further than 
 uff                             Universal File Format, in and out
 frfs                            FRFs of one quantity on one axis, in and out
 records                         time blocks and recordings, in
+statements                      what a file says in words: when, with which instruments
 points, machine_csv             grid points; text files of testing machines
 models                          decks, matrices and meshes to a neutral model, and back
 cell_types                      the table of elements: nodes, borders, names in every format

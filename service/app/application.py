@@ -44,8 +44,9 @@ READY_SECONDS = 5.0
 DESCRIPTION = """\
 Begin with **Authorize** and a key (`modalbase keys create --name NAME`). The main job, each step with the id that the one
 before it answers: `POST /projects`; `POST /projects/{id}/structures`; `POST /structures/{id}/campaigns`;
-`POST /campaigns/{id}/imports` with a UFF file, until `GET /imports/{id}` has succeeded; `POST /campaigns/{id}/update-jobs` with
-the recipe `{}`, until `GET /update-jobs/{id}` has succeeded; `GET /update-jobs/{id}/result`.
+`POST /campaigns/{id}/imports` with a UFF file, until `GET /imports/{id}` has succeeded; `PUT /campaigns/{id}/grid-points` where
+the file has none; `POST /campaigns/{id}/update-jobs` with the recipe `{}`, until `GET /update-jobs/{id}` has succeeded;
+`GET /update-jobs/{id}/result`; `GET /update-jobs/{id}/report`, the PDF. Each of these has its `curl`.
 
 Units are SI and in the names of fields, times UTC. Lists come in pages: hand `next_cursor` in as `cursor`. What is edited
 has an `ETag`, which `If-Match` repeats.

@@ -38,7 +38,7 @@ def get_project_archive(project_id: UUID, session: SessionDep, user: CurrentUser
 
 @router.get("/campaigns/{campaign_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_campaign_archive(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> FileResponse:
-    """A campaign with its structure and the instruments that it names as one zip of UFF, npz, CSV
+    """A campaign in an archive: with its structure and the instruments that it names, one zip of UFF, npz, CSV
     and JSON.
     """
     campaign = campaign_for(session, user, campaign_id)

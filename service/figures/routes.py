@@ -92,7 +92,7 @@ def get_campaign_figure(
         Seconds, Query(description="of `hits`: samples up to here are drawn one by one, s")
     ] = None,
 ) -> Response:
-    """The first `frf` that matches; the `hits` of a point: good ones alike, bad ones with what
+    """A figure of a campaign: the first `frf` that matches; the `hits` of a point: good ones alike, bad ones with what
     was found against them; or the singular values of the `spectra` of recordings of responses, with
     the modes of the newest mode set that was found in them.
 
@@ -139,7 +139,7 @@ def get_mode_set_figure(
         ),
     ] = None,
 ) -> Response:
-    """The `shapes` of a mode set at the measured points; or its `mac` with another one, where both
+    """A figure of a mode set: its `shapes` at the measured points; or its `mac` with another one, where both
     have shapes.
     """
     first = mode_set_for(session, user, mode_set_id)
@@ -164,7 +164,7 @@ def get_coupon_figure(
     user: CurrentUser,
     request: FigureRequestDep,
 ) -> Response:
-    """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039
+    """A figure of a specimen, `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039
     the transverse strain.
     """
     coupon = coupon_for(session, user, coupon_id)
@@ -243,8 +243,8 @@ def get_result_trend_figure(trend: ResultTrend, request: FigureRequestDep) -> Re
     "/search/modes/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
 )
 def get_mode_trend_figure(trend: ModeTrend, request: FigureRequestDep) -> Response:
-    """Frequency or damping of the modes that a search finds over time and temperature, each mode in
-    a colour of its own.
+    """A drawing of modes that a search finds: frequency or damping over time and temperature, each
+    mode in a colour of its own.
     """
     return request.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
 

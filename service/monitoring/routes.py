@@ -121,7 +121,7 @@ def change_monitor(
     request: Request,
     response: Response,
 ) -> MonitorOut:
-    """Change a name, a receiver, the expected interval, or put a monitor at rest. What decides is
+    """Change a monitor: its name, a receiver, the expected interval, or put a monitor at rest. What decides is
     frozen.
     """
     monitor = monitor_for(session, user, monitor_id, "editor", lock=True)

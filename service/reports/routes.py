@@ -97,7 +97,7 @@ def get_cards(
         Query(description="by default `solid` for CalculiX, `shell` for Abaqus and Nastran"),
     ] = None,
 ) -> PlainTextResponse:
-    """The updated model as a deck that CalculiX, Abaqus or Nastran runs: mesh, material, thickness,
+    """The updated model as a deck: what CalculiX, Abaqus or Nastran runs, mesh, material, thickness,
     damping, supports.
     """
     text = written_deck(session, update_job_for(session, user, job_id), program, element)

@@ -88,6 +88,8 @@ def look_at_every_part(seen: Watched) -> None:
             figure = figures.nth(i)
             figure.scroll_into_view_if_needed()
             figure.locator(".main-svg").first.wait_for()
+            silent = "one => one.data.filter(t => !t.hovertemplate && t.hoverinfo !== 'skip')"
+            assert figure.locator(".draw").evaluate(silent) == []
         assert overflow(seen) == 0
         assert spilled(seen) == []
     page.click(".tabs [href='#overview']")

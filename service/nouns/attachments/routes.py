@@ -145,9 +145,10 @@ def _routes(column: str, noun: str) -> NounRoutes[Attachment, AttachmentOut]:
         find.add(session, user, row, name=row.name, sha256=row.sha256.hex())
         return nouns.made(session, row, response)
 
+    called = "an update" if noun == "update_job" else f"a {noun}"
     attach.__name__ = f"attach_to_{noun}"
     attach.__doc__ = (
-        f"Keep a file beside a {noun.replace('_', ' ')}, as raw body or as multipart field `file`:"
+        f"Keep a file beside {called}, as raw body or as multipart field `file`:"
         " a photograph, a drawing, notes, anything."
     )
     below = column.removesuffix("_id").replace("_", "-")
@@ -156,11 +157,13 @@ def _routes(column: str, noun: str) -> NounRoutes[Attachment, AttachmentOut]:
         attach,
         methods=["POST"],
         status_code=201,
-        openapi_extra=reads(upload("AttachedForm", caption=CAPTION)),
+        openapi_extra=reads(
+            upload("AttachedForm", caption=(CAPTION, "the clamp, before the test"))
+        ),
     )
     nouns.listing(
         f"list_attachments_of_{noun}",
-        f"Files beside a {noun.replace('_', ' ')}, oldest first.",
+        f"Files beside {called}, oldest first.",
         owners=f"{below}s",
     )
     return nouns

@@ -112,7 +112,13 @@ def _page(points: GridPoints, cursor: str | None, limit: int) -> GridPointsPage:
 
 @points_router.put(
     "/campaigns/{campaign_id}/grid-points",
-    openapi_extra=reads({"application/json": GridPoints, "text/csv": TEXT}, **IF_MATCH),
+    openapi_extra=reads(
+        {
+            "application/json": GridPoints,
+            "text/csv": {**TEXT, "examples": ["label,x_m,y_m,z_m\n1,0,-0.02,0\n"]},
+        },
+        **IF_MATCH,
+    ),
 )
 def put_grid_points(
     campaign_id: UUID,

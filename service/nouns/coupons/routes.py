@@ -113,7 +113,10 @@ COUPONS = {
         "required": ["file", "coupon"],
         "properties": {
             "file": {**BINARY, "description": "the testing machine's file, with its name"},
-            "coupon": CurveCouponIn,
+            "coupon": {
+                "allOf": [CurveCouponIn],
+                "examples": CurveCouponIn.model_config["json_schema_extra"]["examples"],
+            },
         },
     },
 }
@@ -188,7 +191,7 @@ coupons.listing(
 
 @router.get("/coupon-batches/{batch_id}/summary")
 def get_summary(batch_id: UUID, session: SessionDep, user: CurrentUser) -> Summary:
-    """Mean, n-1 standard deviation and coefficient of variation of each property, and the constants
+    """Statistics of a batch: mean, n-1 standard deviation and coefficient of variation of each property, and the constants
     that follow.
     """
     return operations.summarise(session, operations.batch_for(session, user, batch_id))

@@ -207,8 +207,8 @@ def list_frfs(
 def label_frfs(
     campaign_id: UUID, labels: Labels, selection: FilterDep, session: SessionDep, user: CurrentUser
 ) -> LabelledFrfs:
-    """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in
-    place of theirs.
+    """Label FRFs: give all of a campaign, or those that the query leaves, tags and metadata in place
+    of theirs.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     return LabelledFrfs(

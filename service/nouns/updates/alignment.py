@@ -133,7 +133,7 @@ class FoundFramesOut(StrictModel):
 def find_alignment(
     campaign_id: UUID, body: AlignIn, session: SessionDep, user: CurrentUser
 ) -> FoundFramesOut:
-    """Find the frame that brings a campaign's points onto the structure: by named pairs, or by the
+    """Find the frame that brings points onto the structure: by named pairs, or by the
     closest points.
 
     Nothing is stored: `PATCH /campaigns/{id}` with a `frame` takes it.

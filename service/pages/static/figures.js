@@ -73,6 +73,18 @@ function narrowed(layout) {
       });
   }
 }
+/* What stands at the cursor where a figure does not say it itself: the values with the words and
+   units of their axes. */
+function reading(trace, layout) {
+  if (trace.hovertemplate || trace.hoverinfo === "skip") return;
+  const parts = ["x", "y"].map((way) => {
+    const axis = layout[(trace[way + "axis"] ?? way).replace(way, way + "axis")] ?? {};
+    const [, words, unit = ""] = /^(.*?)(?: \[(.*)\])?$/.exec(axis.title?.text ?? "");
+    const value = axis.type === "date" || axis.ticktext ? `%{${way}}` : `%{${way}:.5g}`;
+    return [textOf(words), value, unit].filter(Boolean).join(" ");
+  });
+  trace.hovertemplate = [trace.name, ...parts].filter(Boolean).join("<br>") + "<extra></extra>";
+}
 function draw(place, figure) {
   place.replaceChildren();
   place.style.minHeight = figure.layout.height ? 0 : ""; // one that has its height leaves no room below
@@ -105,6 +117,14 @@ function draw(place, figure) {
   layout.margin = { r: 20, ...layout.margin, t: above, b: below };
   if (layout.height) layout.height += below - 95 + above - 50;
   if (narrow) narrowed(layout);
+  layout.hoverdistance = -1; // the nearest value, wherever the cursor is
+  layout.hoverlabel = {
+    bgcolor: css("--ground"),
+    bordercolor: css("--line"),
+    font: { family: layout.font.family, size: 12, color: css("--text") },
+    align: "left",
+  };
+  for (const trace of figure.data) reading(trace, layout);
   const axes = Object.entries(layout).filter(([key]) => /^[xy]axis/.test(key));
   for (const [, axis] of axes) {
     Object.assign(axis, { gridcolor: css("--line"), tickcolor: css("--line") });

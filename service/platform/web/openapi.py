@@ -6,6 +6,7 @@ import hashlib
 import json
 import re
 from base64 import b64encode
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -57,6 +58,7 @@ def complete(document: Node) -> None:
         _describe(name, schema)
     for path, operation in _operations(document):
         operation["tags"] = [_tag(path, operation)]
+        operation["summary"] = _title(operation)
         for parameter in operation.get("parameters", []):
             if not (parameter.get("description") or parameter["schema"].get("description")):
                 _say(parameter, term(parameter["name"]))
@@ -71,7 +73,19 @@ def complete(document: Node) -> None:
     ]
 
 
-_STEP = re.compile(r"`(GET|POST) (/[^`]+)`")
+_LONGEST_TITLE = 60
+
+
+def _title(operation: Node) -> str:
+    """What a docstring begins with, which is written to be the title: up to its first sign that is
+    no comma, or where that is too long up to a comma.
+    """
+    said = operation["description"].replace("\n", " ")
+    whole = re.split(r"[.;:](?: |$)", said)[0]
+    return whole if len(whole) <= _LONGEST_TITLE else whole.split(", ")[0]
+
+
+_STEP = re.compile(r"`(GET|POST|PUT) (/[^`]+)`")
 _ASKED = "With curl:"
 
 
@@ -85,30 +99,30 @@ def _add_curl(document: Node) -> None:
             operation = methods.get(method.lower())
             if operation is None or not shape.fullmatch(path):
                 continue
-            text = operation.get("description") or operation.get("summary", "")
+            text = operation["description"]
             if _ASKED not in text:
                 content = operation.get("requestBody", {}).get("content", {})
-                command = _curl(path, content, document["components"]["schemas"])
+                command = _curl(method, path, content, document["components"]["schemas"])
                 operation["description"] = f"{text}\n\n{_ASKED}\n\n```sh\n{command}\n```"
 
 
-def _curl(path: str, content: Node, schemas: Node) -> str:
+def _curl(method: str, path: str, content: Node, schemas: Node) -> str:
     """A command that sends the example of a body, or a file."""
     address = re.sub(r"\{(\w+)\}", lambda name: f"${name[1].upper()}", path)
-    send = ""
+    send = " -X PUT" if method == "PUT" else " -o report.pdf" if path.endswith("/report") else ""
     if "multipart/form-data" in content:
-        send = " -F file=@beam.uff"
+        send += " -F file=@beam.uff"
     elif "application/json" in content:
         schema = content["application/json"]["schema"]
         name = schema.get("anyOf", [schema])[0]["$ref"].rsplit("/", 1)[1]
         body = json.dumps(schemas[name]["examples"][0]).replace("'", "'\\''")
-        send = f" -H 'Content-Type: application/json' \\\n  -d '{body}'"
+        send += f" -H 'Content-Type: application/json' \\\n  -d '{body}'"
     return f'curl -H "Authorization: Bearer $KEY" "$URL{address}"{send}'
 
 
 def undescribed(document: Node) -> list[str]:
-    """Properties and parameters without a description, and headings without a sentence; for the
-    test that there are none.
+    """Properties and parameters without a description, headings without a sentence, titles that are
+    long or stand twice, and bodies without an example; for the test that there are none.
     """
     missing = [
         f"{name}.{prop}"
@@ -116,6 +130,7 @@ def undescribed(document: Node) -> list[str]:
         for prop, node in schema.get("properties", {}).items()
         if not node.get("description")
     ]
+    titles = Counter(operation["summary"] for _, operation in _operations(document))
     headed = {tag["name"] for tag in document["tags"]}
     for path, operation in _operations(document):
         missing += [
@@ -123,8 +138,26 @@ def undescribed(document: Node) -> list[str]:
             for parameter in operation.get("parameters", [])
             if not (parameter.get("description") or parameter["schema"].get("description"))
         ]
+        title = operation["summary"]
+        if titles[title] > 1 or not 0 < len(title) <= _LONGEST_TITLE:
+            missing.append(f"{path} title {title!r}")
+        for kind, body in operation.get("requestBody", {}).get("content", {}).items():
+            if not _has_example(body["schema"], document["components"]["schemas"]):
+                missing.append(f"{path} example of {kind}")
         missing += [f"{path} heading {tag}" for tag in operation["tags"] if tag not in headed]
     return missing
+
+
+def _has_example(schema: Node, schemas: Node) -> bool:
+    """Whether a body has one; of a form each text, and of bytes there is none to show."""
+    node = schema.get("anyOf", [schema])[0]
+    node = schemas[node["$ref"].rsplit("/", 1)[1]] if "$ref" in node else node
+    if node.get("format") == "binary" or node.get("examples"):
+        return True
+    return bool(node.get("properties")) and all(
+        part.get("format") == "binary" or part.get("examples")
+        for part in node["properties"].values()
+    )
 
 
 def _operations(document: Node) -> Iterator[tuple[str, Node]]:
@@ -297,12 +330,13 @@ def reads(content: Mapping[str, Any], **more: Any) -> dict[str, Any]:
 TEXT, BINARY = {"type": "string"}, {"type": "string", "format": "binary"}
 
 
-def upload(title: str, **fields: str) -> dict[str, Any]:
+def upload(title: str, **fields: tuple[str, str]) -> dict[str, Any]:
     """Both forms in which a file may be uploaded, as `reads` takes them.
 
     Args:
         title: name of the form's schema.
-        fields: the texts that the form may have beside the file, each with its description.
+        fields: the texts that the form may have beside the file, each with its description and an
+            example.
     """
     return {
         # first, since the documentation page sends the first, and this one keeps the file's name
@@ -312,7 +346,10 @@ def upload(title: str, **fields: str) -> dict[str, Any]:
             "required": ["file"],
             "properties": {
                 "file": {**BINARY, "description": "the file, with its name"},
-                **{name: {**TEXT, "description": text} for name, text in fields.items()},
+                **{
+                    name: {**TEXT, "description": text, "examples": [example]}
+                    for name, (text, example) in fields.items()
+                },
             },
         },
         "application/octet-stream": BINARY,

@@ -21,6 +21,7 @@ from service.platform.web.openapi import reads, upload
 from service.platform.web.uploads import FilenameQuery, UploadDep
 from service.tasks.import_file import task
 from service.tasks.import_file.routes import (
+    MAPPING,
     ImportOut,
     MappingQuery,
     QuantityQuery,
@@ -33,7 +34,9 @@ router = api_router(tags=["imports"])
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 _CAMPAIGN = "the campaign to make, as JSON: what POST /structures/{id}/campaigns takes"
 CAMPAIGN_UPLOAD = upload(
-    "CampaignForm", campaign=_CAMPAIGN, mapping="which variable is what, as JSON"
+    "CampaignForm",
+    campaign=(_CAMPAIGN, '{"name": "30 November", "boundary": "as_modelled"}'),
+    mapping=MAPPING,
 )
 
 

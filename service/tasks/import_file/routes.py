@@ -136,7 +136,11 @@ def mapping_of(text: str | None) -> dict[str, Any] | None:
     return None if text is None else value
 
 
-MAPPED_UPLOAD = upload("MappedForm", mapping="which variable is what, as JSON")
+MAPPING = (
+    "which variable is what, as JSON",
+    '{"channels": [{"variable": "force", "quantity": "force", "unit": "N"}]}',
+)
+MAPPED_UPLOAD = upload("MappedForm", mapping=MAPPING)
 
 
 @router.post(
@@ -160,7 +164,7 @@ def start_import(
     ] = None,
     mapping: MappingQuery = None,
 ) -> ImportOut:
-    """Send a file of measured data as raw body or as multipart field `file`; a job reads it.
+    """Send a file of measured data, as raw body or as multipart field `file`; a job reads it.
 
     Its format, of those in the guide's table, is recognised by its content. Hits, and FRFs of a
     .mat, need a `mapping` that says which variable is what, as parameter or as multipart field;

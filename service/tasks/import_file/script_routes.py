@@ -100,10 +100,14 @@ _RECORDS_IN = {
     ],
 }
 RECORDS = reads(MAPPED_UPLOAD | {"application/json": _RECORDS_IN})
+_TABLE = {
+    **TEXT,
+    "examples": ["frequency_hz,real,imag\n10,0.12,-0.01\n11,0.13,-0.02\n"],
+}
 FRF_TYPES = of_bodies("frfs")
 FRFS = reads(
     {"application/json": FrfsIn}
-    | {kind: TEXT if kind.startswith("text/") else BINARY for kind in FRF_TYPES}
+    | {kind: _TABLE if kind.startswith("text/") else BINARY for kind in FRF_TYPES}
 )
 LATER: dict[int | str, dict[str, Any]] = {
     202: {"model": ImportOut, "description": "the file is not read yet; `Location` is its import"}

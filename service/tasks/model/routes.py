@@ -204,7 +204,14 @@ of_jobs = JobRoutes(router, MODELS, ModelOut, "model_id", _with_files)
 THERE: dict[int | str, dict[str, Any]] = {
     200: {"model": ModelOut, "description": "The structure is this model already"}
 }
-MESH_UPLOAD = upload("ModelForm", sections="of a mesh: what each set is, as JSON")
+MESH_UPLOAD = upload(
+    "ModelForm",
+    sections=(
+        "of a mesh: what each set is, as JSON",
+        '{"skin": {"thickness_m": 0.004,'
+        ' "isotropic": {"E_Pa": 7e10, "nu": 0.33, "density_kg_m3": 2700}}}',
+    ),
+)
 
 
 @router.post(
@@ -240,7 +247,7 @@ def send_model(
     ] = None,
     confirm: Confirm = False,
 ) -> ModelOut:
-    """Send a deck of Abaqus, CalculiX (.inp) or Nastran (.bdf) as raw body or as multipart field
+    """Send a deck: of Abaqus, CalculiX (.inp) or Nastran (.bdf) as raw body or as multipart field
     `file`; a job reads it.
 
     Or matrices of any solver: a .npz, or a .zip of .mtx, .sti, .mas or .pch with nodes.csv. Or a

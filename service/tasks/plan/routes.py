@@ -347,7 +347,7 @@ def _made(
 
 @router.post("/structures/{structure_id}/plans")
 def plan(structure_id: UUID, body: PlanIn, session: SessionDep, user: CurrentUser) -> PlanOut:
-    """Rank tests by what they would add to what is known of the material, or of a body's sets. `{}`
+    """Rank tests by what they would add: to what is known of the material, or of a body's sets. `{}`
     compares boundaries.
 
     Nothing is stored; send it again with each new campaign in `made`. It takes a minute at most.

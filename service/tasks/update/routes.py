@@ -138,7 +138,7 @@ single.cancelling(
 single.retrying("retry_update_job", "Queue an update again that failed or was cancelled.")
 single.watching(
     "watch_update_job",
-    """The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.
+    """The state of an update now and whenever it changes, as server-sent events of the type `job`; ends when the job has.
 
     Each event has an id; with that of the last one in `Last-Event-ID` a client that comes back gets what is new.
     """,
@@ -151,7 +151,7 @@ single.watching(
 def get_result(
     job_id: UUID, session: SessionDep, user: CurrentUser, include: Include = None
 ) -> dict[str, Any]:
-    """Verdict and warnings first, then parameters, modes, correlation, and where all of it came
+    """The result of an update: verdict and warnings first, then parameters, modes, correlation, and where all of it came
     from.
 
     What only a figure needs is left out unless `include` names it: the stabilisation diagram, the
@@ -205,7 +205,7 @@ joint.cancelling(
 joint.retrying("retry_joint_update", "Queue a joint update again that failed or was cancelled.")
 joint.watching(
     "watch_joint_update",
-    "The job's state now and whenever it changes, as server-sent events of the type `job`; ends"
+    "The state of a joint update now and whenever it changes, as server-sent events of the type `job`; ends"
     " when the job has.",
 )
 
