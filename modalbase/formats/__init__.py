@@ -8,6 +8,7 @@ types, constants, errors        what all of them share
 tables                          tables of text, whatever program wrote them
 npy                             the arrays of an npz, each read no further than its entry says
 uff                             Universal File Format, in and out
+arrays_out                      arrays by name and columns, out
 frfs                            FRFs of one quantity on one axis, in and out
 records                         time blocks and recordings, in
 statements                      what a file says in words: when, with which instruments

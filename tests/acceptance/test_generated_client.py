@@ -19,7 +19,10 @@ from service.pages.example import paper
 from tests.support.rest import finished
 from tools.reference import document
 
-BINARY = ("application/x-npz", "application/x-matlab-data", "application/zip", "text/csv")
+BINARY = (
+    *("application/x-npz", "application/x-npy", "application/x-hdf5", "application/x-matlab-data"),
+    *("application/vnd.apache.parquet", "application/zip", "text/csv"),
+)
 """Media types of files, which this generator reads as bytes with a setting."""
 
 
