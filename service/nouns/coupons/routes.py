@@ -115,7 +115,7 @@ COUPONS = {
             "file": {**BINARY, "description": "the testing machine's file, with its name"},
             "coupon": {
                 "allOf": [CurveCouponIn],
-                "examples": CurveCouponIn.model_config["json_schema_extra"]["examples"],
+                "examples": CurveCouponIn.model_json_schema()["examples"],
             },
         },
     },
