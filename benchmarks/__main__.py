@@ -44,6 +44,7 @@ TABLES = {
         Case("hits_windows", "hits", quick="2"),
         Case("identification", "identification", quick="2"),
         Case("output_only", "output_only", quick="2"),
+        Case("ambient", "ambient", quick="none 1"),
         Case("measured_loads", "measured_loads", quick="1"),
         Case("calibrate", "calibrate"),
         Case("real_bodies", "updates", "table", "table nothing"),
@@ -79,6 +80,7 @@ TABLES = {
         Case("jobs", "jobs", quick="20 2 2"),
         Case("pages", "screen", quick="3 1 1"),
         Case("start", "screen", quick="1"),
+        Case("ten_years", "ten_years", quick="200 2"),
     ),
     "soak": (
         Case("uff_damage", "soak", quick="100"),

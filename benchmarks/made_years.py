@@ -6,22 +6,23 @@ COPY, as a recording of each is not the point where years are looked at.
 """
 
 from collections.abc import Iterator, Sequence
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
-from uuid import UUID
+from uuid import UUID, uuid4
 
 import numpy as np
 from psycopg.types.json import Jsonb
 from sqlalchemy.orm import Session
 
-from benchmarks.tracks import BETWEEN, HZ, PER_KELVIN, PER_WIND, SENSORS, START, STATED
+from benchmarks.tracks import BETWEEN, HZ, PER_KELVIN, PER_WIND, SENSORS, STATED
 from fecore import __version__
 from service.nouns.campaigns.operations import Campaign
 from service.nouns.modes.operations import Mode, ModeSet
 from service.nouns.monitors.tables import MonitorRun
-from service.platform.db.bytea import copy_rows, new_keys
+from service.platform.db.bytea import copy_rows
 
 COVARIATES = ("temperature_deck_c", "wind_m_s")
+START = datetime(2015, 1, 1, tzinfo=UTC)
 _MISSING, _SPURIOUS = 0.05, 0.3
 
 
@@ -68,14 +69,17 @@ def _shape(values: Sequence[float] | np.ndarray) -> dict[str, Any]:
 
 
 def store_runs(session: Session, structure: UUID, series: UUID, runs: Sequence[MadeRun]) -> None:
-    """Campaigns with a mode set each, and a run that has succeeded."""
-    campaigns, sets = new_keys(session, len(runs)), new_keys(session, len(runs))
+    """Campaigns with a mode set each, and a run that has succeeded; all are as old as their
+    dates.
+    """
+    at = [START + timedelta(hours=run.hour) for run in runs]
+    campaigns, sets = ([_key(date) for date in at] for _ in range(2))
     names = ("id", "structure_id", "name", "boundary", "performed_at", "instruments", "covariates")
-    with copy_rows(session, Campaign, (*names, "notes")) as write:
-        for key, run in zip(campaigns, runs, strict=True):
-            at = START + timedelta(hours=run.hour)
+    with copy_rows(session, Campaign, (*names, "notes", "created_at", "updated_at")) as write:
+        for key, run, date in zip(campaigns, runs, at, strict=True):
             stated = Jsonb({}), Jsonb(run.covariates)
-            write((key, structure, f"hour {run.hour}", "as_modelled", at, *stated, ""))
+            name = f"hour {run.hour}"
+            write((key, structure, name, "as_modelled", date, *stated, "", date, date))
     with copy_rows(
         session, ModeSet, ("id", "campaign_id", "name", "origin", "excitation")
     ) as write:
@@ -92,3 +96,9 @@ def store_runs(session: Session, structure: UUID, series: UUID, runs: Sequence[M
             modes = [mode[:4] for mode in run.modes]
             values = {"parameters": {}, "modes": modes, "mode_set": str(key)}
             write((series, campaign, 1, "made", "succeeded", __version__, Jsonb(values)))
+
+
+def _key(date: datetime) -> UUID:
+    """A UUIDv7 of a time."""
+    ms, part = int(date.timestamp() * 1000), uuid4().int & ((1 << 62) - 1)
+    return UUID(int=ms << 80 | 7 << 76 | 2 << 62 | part)

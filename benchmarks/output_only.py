@@ -23,8 +23,8 @@ NOISE, HUM, DRIFT, BITS = 0.02, 0.01, 0.05, 16
 STRONG = 0.01  # share of the power from which a mode has to be found
 
 
-def _recording(seed: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float | None]:
-    """(8, n) accelerations; f, ζ and shares of the power of the modes; the machine's frequency."""
+def recording(seed: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float | None]:
+    """A made recording: (8, n) accelerations; f, ζ and shares of the power of the modes; the machine's frequency."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(5, 11))
     f = np.sort(np.exp(rng.uniform(np.log(1.5), np.log(1.15 * RATE / 2.56), count)))
@@ -99,7 +99,7 @@ def output_only(sets: int = 40, first: int = 1000) -> list[str]:
     z: list[tuple[float, float]] = []
     used = 0.0
     for seed in range(first, first + sets):
-        x, f, zeta, share, machine = _recording(seed)
+        x, f, zeta, share, machine = recording(seed)
         began = time.process_time()
         found = identify_output_only(half_spectra(lambda x=x: [x], RATE, along_z(range(1, 9))))
         used += time.process_time() - began

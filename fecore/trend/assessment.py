@@ -56,6 +56,8 @@ class Window:
     after: datetime | None  # the last one before it; None: all after the baseline are judged
     before: Mapping[str, Before] = field(default_factory=dict)  # by parameter that has any
     baseline_until: datetime | None = None  # a campaign after that is in no baseline
+    # by parameter whose baseline is as it was: its limits, and by what they are wider
+    limits: Mapping[str, tuple[Limits, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ def _parameter(
     if watched is not None and window.after is not None:
         watched = later(watched, window.after)
         begin = begin if before is None else before.date
-    limits, wider = _limits(baseline, watch)
+    limits, wider = window.limits.get(series.name) or _limits(baseline, watch)
     scores = None if watched is None else score(baseline, watched)
     z = np.zeros(0) if scores is None else scores.score
     start = dict.fromkeys(SIDES[direction], 0.0) if before is None else before.statistic

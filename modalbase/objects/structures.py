@@ -5,15 +5,17 @@ monitors with their alarms.
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping
+from datetime import datetime
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from modalbase.formats.registry import FRF_SUFFIXES
 from modalbase.objects.files import MESH_FORMATS, format_of, save_file
 from modalbase.objects.finding import BATCH, MONITOR, Kind
-from modalbase.objects.jobs import Job, Stoppable
+from modalbase.objects.jobs import FIRST_PAUSE, GROWTH, LONGEST_PAUSE, Job, Stoppable
 from modalbase.objects.thing import Attached, Editable, Figure, Table, Thing
 
 if TYPE_CHECKING:
@@ -195,6 +197,10 @@ class Forecast(Stoppable):
         )
 
 
+def _time(stamp: str) -> datetime:
+    return datetime.fromisoformat(stamp)
+
+
 class Monitor(Attached, Editable):
     """A frozen recipe that runs on a structure's campaigns, with control charts of what it
     finds.
@@ -216,6 +222,31 @@ class Monitor(Attached, Editable):
     def runs(self) -> Table:
         """What became of each run."""
         return Table(self._pages("runs"), key="id")
+
+    def wait(self) -> Self:
+        """Wait until every run has ended and what they gave is judged; returns itself.
+
+        It is asked for at growing intervals, from 50 ms to a second. A monitor that never runs is
+        waited for without end.
+
+        Raises:
+            ClientError: the service does not answer.
+        """
+        pause = FIRST_PAUSE
+        while not self._judged():
+            time.sleep(pause)
+            pause = min(pause * GROWTH, LONGEST_PAUSE)
+        return self.refresh()
+
+    def _judged(self) -> bool:
+        runs, series = self._pages("runs"), self.series(limit=1)
+        if any(run["state"] == "running" for run in runs):
+            return False
+        status = (series["judgement"] or {"status": None})["status"]
+        ended = [_time(run["finished_at"]) for run in runs if run["finished_at"] is not None]
+        if not ended or status in (None, "queued", "running"):
+            return False
+        return status != "succeeded" or _time(series["assessed_at"]) >= max(ended)
 
     def series(self, number: int | None = None, **part: Any) -> dict[str, Any]:
         """Values with their uncertainty, baseline, limits, alarms and campaigns.

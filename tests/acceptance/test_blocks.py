@@ -254,12 +254,19 @@ def looked_at_monitoring(names: dict[str, Any]) -> None:
     assert names["watch"].name == "stringer 1"
 
 
+def looked_at_footbridge(names: dict[str, Any]) -> None:
+    first = names["deck"].alarms()[-1]
+    assert first.parameter == "frequency_1"
+    assert first.details["performed_at"].startswith("2026-11-07")
+
+
 LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {
     "docs/archives.md": looked_at_archives,
     "docs/coupons.md": looked_at_coupons,
     "docs/modes.md": looked_at_modes,
     "docs/jobs.md": looked_at_jobs,
     "docs/monitoring.md": looked_at_monitoring,
+    "docs/watched-footbridge.md": looked_at_footbridge,
     "docs/monitoring-charts.md": lambda names: names["found"].parameters["Ex"],
     "docs/forward-model.md": lambda names: names["H"].shape == (1, 3200),
 }

@@ -3,16 +3,16 @@ the order in which they come, are deleted, restored and corrected.
 """
 
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 from uuid import UUID
 
 import numpy as np
 import pytest
-from sqlalchemy import select, update
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from benchmarks.made_years import COVARIATES, made_runs, store_runs
+from benchmarks.ten_years import judge_all, ten_years
 from service.nouns.campaigns.operations import Campaign
 from service.nouns.monitors import followed
 from service.nouns.monitors.operations import create_monitor
@@ -22,7 +22,6 @@ from service.nouns.monitors.runs import newest_series, next_series
 from service.nouns.monitors.schemas import MonitorIn
 from service.nouns.monitors.tables import (
     Monitor,
-    MonitorJudgement,
     MonitorPoint,
     MonitorRun,
     MonitorSeries,
@@ -34,7 +33,6 @@ from service.platform.access import Member, Project
 from service.platform.access.keys import user_named
 from service.platform.db.base import transaction_time
 from service.platform.db.engine import Sessions
-from service.platform.queue.tables import Job
 from service.platform.settings import Settings
 from service.tasks.judge import task
 
@@ -55,20 +53,6 @@ def a_monitor(session: Session) -> Monitor:
         "baseline": {"campaigns": 8},
     }
     return create_monitor(session, user, structure.id, MonitorIn.model_validate(body), Settings())
-
-
-def judge(session: Session, monitor: Monitor, series: MonitorSeries) -> int:
-    """Judge until nothing is left to judge; how many judgements that took."""
-    for count in range(100):
-        task.judge_if_changed(session, monitor, series, transaction_time(session))
-        newest = select(MonitorJudgement.id).order_by(MonitorJudgement.id.desc()).limit(1)
-        key = session.scalars(newest).one()
-        if session.get_one(Job, key, populate_existing=True).state != "queued":
-            return count
-        inputs = task.TASK.load(session, key, Path())
-        task.TASK.store(session, key, task.TASK.compute(inputs, lambda *_: None))
-        session.execute(update(Job).where(Job.id == key).values(state="succeeded"))
-    raise AssertionError("it judges for ever")
 
 
 def stored(session: Session, series: MonitorSeries) -> tuple[dict[UUID, Any], list[Any]]:
@@ -114,7 +98,7 @@ def test_any_order_gives_what_all_at_once_gives(
             other = session.scalars(select(Campaign).limit(1).offset(len(part) // 2)).one()
             other.covariates = {**other.covariates, COVARIATES[1]: float(rng.uniform(1, 9))}
             session.flush()
-            judge(session, monitor, series)
+            judge_all(session, monitor, series)
         assert (series.document or {})["state"] != "no data"
         tracks, points = stored(session, series)
         # the same runs in a series of their own, all at once
@@ -126,7 +110,7 @@ def test_any_order_gives_what_all_at_once_gives(
             copy |= {name: getattr(run, name) for name in ("fingerprint", "software", "values")}
             session.add(MonitorRun(series_id=again.id, **copy))
         session.flush()
-        assert judge(session, monitor, again) == 1
+        assert judge_all(session, monitor, again) == 1
         whole_tracks, whole = stored(session, again)
         assert {key: tracks[key] for key in whole_tracks} == whole_tracks
         assert [(p.parameter, p.performed_at, p.campaign_id, p.raw) for p in points] == [
@@ -147,8 +131,8 @@ def test_a_long_series_is_followed_in_parts_and_shown_thinned(sessions: Sessions
         monitor = a_monitor(session)
         series = newest_series(session, monitor)
         store_runs(session, monitor.structure_id, series.id, list(made_runs(0, RUNS)))
-        assert judge(session, monitor, series) == 4  # of 25 runs at most
-        assert judge(session, monitor, series) == 0
+        assert judge_all(session, monitor, series) == 4  # of 25 runs at most
+        assert judge_all(session, monitor, series) == 0
         whole = series_document(session, monitor, series, Part(limit=EVERY))
         assert (whole["total"], whole["stride"], len(whole["campaigns"])) == (RUNS, 1, RUNS)
         thin = series_document(session, monitor, series, Part(limit=20))
@@ -167,3 +151,11 @@ def test_a_long_series_is_followed_in_parts_and_shown_thinned(sessions: Sessions
         assert [row.raw for row in rows] == [point["raw"] for point in points]
         kept = select(MonitorTracks).where(MonitorTracks.state.is_not(None))
         assert len(session.scalars(kept).all()) == RUNS // 7 + 1
+
+
+def test_the_benchmark_of_years_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    """A short form of it, whose numbers nobody looks at."""
+    ten_years(120, 1)
+    printed = capsys.readouterr().out
+    assert "one more run judged" in printed
+    assert "the structure's page" in printed

@@ -121,17 +121,25 @@ def _long() -> dict[str, Any]:
     return {"Inputs": Any, "Reporter": Any, "Output": Any, "Chain": _Chain}
 
 
-def _responses() -> dict[str, Any]:
+def _responses(file: str = "deck.npz", seed: int = 1, first_hz: float = 3.0) -> dict[str, Any]:
     """Five minutes of three sensors on a deck in the wind, and the file of them."""
-    rng, rate = np.random.default_rng(1), 50.0
+    rng, rate = np.random.default_rng(seed), 50.0
     time = np.arange(15_000) / rate
     x = 0.05 * rng.standard_normal((3, time.size))
-    for hz, shape in ((3.0, (1.0, 0.6, -0.4)), (8.0, (0.8, -0.7, 1.0))):
+    for hz, shape in ((first_hz, (1.0, 0.6, -0.4)), (8.0, (0.8, -0.7, 1.0))):
         decay = np.exp(-0.1 * np.pi * hz * time[:600]) * np.cos(2 * np.pi * hz * time[:600])
         x += np.outer(shape, np.convolve(rng.standard_normal(time.size), decay)[: time.size])
     channels = {f"a_{point}": row for point, row in zip((11, 22, 33), x, strict=True)}
-    np.savez("deck.npz", time_s=time, **channels)
+    np.savez(file, time_s=time, **channels)
     return {"samples": x, "rate": rate}
+
+
+def _days() -> dict[str, Any]:
+    """Recordings of eight nights; from the seventh on the first mode is 5 % lower."""
+    Path("days").mkdir()
+    for day in range(1, 9):
+        _responses(f"days/night_{day}.npz", day, 3.0 if day < 7 else 2.85)
+    return {}
 
 
 def _shaken() -> dict[str, Any]:
@@ -167,5 +175,6 @@ AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
     "docs/jobs.md": _long,
     "docs/monitoring-charts.md": _months,
     "docs/recordings-that-come.md": _hour,
+    "docs/watched-footbridge.md": _days,
 }
 """Names that a page's Python takes as given, such as the arrays of a reader's own measurement."""

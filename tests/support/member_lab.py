@@ -6,16 +6,19 @@ from __future__ import annotations
 
 import io
 import json
+from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID, uuid4
 
 import httpx
 import numpy as np
 import scipy
-from sqlalchemy import insert
+from sqlalchemy import insert, update
 
 from examples import monitoring
 from examples.monitoring import State, measured_frfs, structure_body
+from service.nouns.monitors.runs import newest_series
+from service.nouns.monitors.tables import Monitor
 from service.platform.db.base import Base
 from service.platform.db.engine import Sessions
 from tests.support.furnished import frfs, record
@@ -374,6 +377,27 @@ class Furnishing:
             number = next(line for line in stream.splitlines() if line.startswith("id:"))
             self.lab.ids[f"{name.split('-')[0]}_event"] = number.removeprefix("id:").strip()
 
+    def series(self) -> None:
+        """A judged series of the monitor, which otherwise takes many campaigns."""
+        monitor = UUID(self.lab.ids["monitor_id"])
+        campaigns = [UUID(self.lab.ids[f"{name}campaign_id"]) for name in ("", "second_")]
+        parameter = {"name": "Ex", "state": "no data", "baseline": None}
+        document = {"state": "no data", "notes": [], "parameters": [parameter]}
+        tables = Base.metadata.tables
+        with self.sessions.begin() as session:
+            newest_series(session, session.get_one(Monitor, monitor))
+            own = tables["monitor_series"].c.monitor_id == monitor
+            judged = update(tables["monitor_series"]).where(own).values(document=document)
+            key = session.execute(judged.returning(tables["monitor_series"].c.id)).scalar_one()
+            for day, campaign in enumerate(campaigns, 1):
+                at = datetime(2026, 3, day, tzinfo=UTC)
+                row = {"series_id": key, "campaign_id": campaign}
+                run = row | {"revision": 1, "fingerprint": "", "state": "refused"}
+                point = row | {"parameter": "Ex", "performed_at": at, "in_baseline": False}
+                point |= {"raw": 3e10, "standard_deviation": 1e8}
+                session.execute(insert(tables["monitor_runs"]).values(run))
+                session.execute(insert(tables["monitor_points"]).values(point))
+
     def deletions(self) -> None:
         path = f"projects/{self.lab.ids['project_id']}/members/{self.lab.ids['member']}"
         self.api.put(path, json={"role": "editor"}).raise_for_status()
@@ -410,4 +434,5 @@ def furnished(
         step()
     made.ended()
     made.of_jobs()
+    made.series()
     return made.lab

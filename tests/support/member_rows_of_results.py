@@ -197,10 +197,21 @@ RESULTS: dict[str, Body] = {
     ),
     "GET /coupons/{coupon_id}/figures/{name}": Body(ids={"coupon_id": "curve_id", "name": "curve"}),
     "GET /monitors/{monitor_id}/series/figure": Body(
-        {"parameter": "a0", "over": "wind_m_s", "series": To(99, status=404)}
+        {
+            "parameter": "a0",
+            "over": "wind_m_s",
+            "series": To(99, status=404),
+            "from": Refused("2025-01-01T00:00:00"),
+            "to": Refused("2025-01-01T00:00:00"),
+        }
     ),
     "GET /monitors/{monitor_id}/series/rows": Body(
-        {"parameter": To(["flange.E1"], status=422), "series": To(99, status=404)}
+        {
+            "parameter": To(["flange.E1"], status=422),
+            "series": To(99, status=404),
+            "from": Refused("2025-01-01T00:00:00"),
+            "to": Refused("2025-01-01T00:00:00"),
+        }
     ),
     "POST /structures/{structure_id}/monitors": Body(
         {
@@ -257,7 +268,14 @@ RESULTS: dict[str, Body] = {
         {},
     ),
     "GET /monitors/{monitor_id}/runs": Body({"series": To(99)}),
-    "GET /monitors/{monitor_id}/series": Body({"series": To(99, status=404)}),
+    "GET /monitors/{monitor_id}/series": Body(
+        {
+            "series": To(99, status=404),
+            "from": To("2100-01-01T00:00:00Z", "campaigns"),
+            "to": To("1900-01-01T00:00:00Z", "campaigns"),
+            "stride": To(7, "stride"),
+        }
+    ),
     "GET /alarms": Body(
         {"state": "cleared", "monitor": "{second_monitor_id}", "project": "{second_project_id}"}
     ),

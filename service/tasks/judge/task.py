@@ -20,7 +20,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from fecore.trend import Acknowledgement, Watch, Window
+from fecore.trend import Acknowledgement, Limits, Watch, Window
 from fecore.trend import Chart as CoreChart
 from fecore.trend.assessment import ALL
 from fecore.trend.series import listed
@@ -164,11 +164,30 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
         not_given=stiffness_sds(watch.covariates),
         following=state_after(session, entries[place - 1].run_id) if place else None,
         place=place,
-        window=replace(extent.window, before={name: one for name, (one, _) in left.items()}),
+        window=replace(
+            extent.window,
+            before={name: one for name, (one, _) in left.items()},
+            limits=_known_limits(series, {str(each.campaign_id) for each in entries[:place]}),
+        ),
         raised={name: raised for name, (_, raised) in left.items() if raised is not None},
         after=entries[place - 1].performed_at if place else None,
         end=entries[extent.end - 1].performed_at if extent.end < len(entries) else None,
     )
+
+
+def _known_limits(series: MonitorSeries, as_before: set[str]) -> dict[str, tuple[Limits, float]]:
+    """Limits of the parameters whose baseline's campaigns are all among those that are as they
+    were; to find them takes longer than all else.
+    """
+    rows = (series.document or {"parameters": ()})["parameters"]
+    return {
+        row["name"]: (
+            Limits(row["limits"]["chart"], row["limits"]["score"] or math.inf),
+            row["autocorrelation"]["limits_widened_by"],
+        )
+        for row in rows
+        if row["baseline"] is not None and as_before.issuperset(row["baseline"]["campaign_ids"])
+    }
 
 
 def _extent(entries: Sequence[Counted], place: int, baseline: int | None) -> _Extent:
