@@ -9,8 +9,13 @@ idle        another without a worker, which is asked as much as can be
 api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
 """
 
-import gc
 import os
+
+# Before numpy is loaded, also by the processes that tests start: threads of the linear algebra would
+# wait for one another.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import gc
 import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterator

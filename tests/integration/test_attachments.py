@@ -164,7 +164,7 @@ def test_administrators_state_whose_reports_they_are(
     can have.
     """
     with (
-        new_service(laboratory="Lab", laboratory_address="Street; Town") as running,
+        new_service(worker=False, laboratory="Lab", laboratory_address="Street; Town") as running,
         client_of(running, "ada") as ada,
     ):
         before = {"name": "Lab", "address": "Street\nTown", "logo": False}

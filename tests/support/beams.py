@@ -86,21 +86,6 @@ def read_uff(path: Path) -> FrfSet:
     )
 
 
-def many_frfs(count: int, lines: int, noise: float, seed: int = 0) -> FrfSet:
-    """Accelerances at `count` points of a strip against one, for timing."""
-    x = np.linspace(0.05, 1, count)
-    shapes = cantilever_shapes(np.column_stack([x, np.resize([-0.5, 0.0, 0.5], count)])) / np.sqrt(
-        0.407
-    )
-    frequency = np.linspace(1000 / lines, 1000, lines)
-    omega = 2 * np.pi * frequency
-    hz, zeta = np.append(PAPER_HZ, ABOVE_HZ), np.append(PAPER_ZETA, ABOVE_ZETA)
-    values = -(omega**2) * receptance(omega, hz, zeta, shapes, shapes[:, -1])
-    values = add_noise(values, noise, 0.5, np.random.default_rng(seed))
-    dofs = tuple(Dof(p, 3) for p in range(1, count + 1))
-    return FrfSet(frequency, values, dofs, (dofs[-1],) * count)
-
-
 PAPER_SHAPES = cantilever_shapes(grid())[:5]
 LINES = 500  # 2 Hz apart, a fourth of the narrowest mode's half-power bandwidth
 

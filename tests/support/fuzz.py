@@ -26,7 +26,9 @@ class Fuzzed:
     faults: dict[str, str] = field(default_factory=dict)
 
 
-def fuzz(service: LocalService, rounds: int = 1, examples: int = 3, start: int = 14) -> Fuzzed:
+def fuzz(
+    service: LocalService, rounds: int = 1, examples: int = 3, start: int = 14, among: int = 1
+) -> Fuzzed:
     """Send rounds of requests.
 
     What a path names is taken from what exists: at first one thing of each kind, then also what the
@@ -39,6 +41,7 @@ def fuzz(service: LocalService, rounds: int = 1, examples: int = 3, start: int =
         rounds: how many.
         examples: requests of each operation in a round.
         start: seed of the first round.
+        among: one operation in so many is asked in a round.
     """
     engine = make_engine(service.settings.database_url, pool_size=1)
     with client_of(service, "fuzz") as client:
@@ -49,7 +52,7 @@ def fuzz(service: LocalService, rounds: int = 1, examples: int = 3, start: int =
         }
         key = client.headers["Authorization"]
     engine.dispose()
-    fuzzer = _Fuzzer(service, things, key, start)
+    fuzzer = _Fuzzer(service, things, key, start, among)
     for number in range(start, start + rounds):
         fuzzer.round(examples, number)
     return fuzzer.found
@@ -60,13 +63,15 @@ def _removes(operation: Any) -> bool:
 
 
 class _Fuzzer:
-    def __init__(self, service: LocalService, things: dict[str, str], key: str, start: int) -> None:
+    def __init__(
+        self, service: LocalService, things: dict[str, str], key: str, start: int, among: int
+    ) -> None:
         import schemathesis
         from schemathesis import checks
         from schemathesis.core.result import Ok
         from schemathesis.specs.openapi import checks as documented
 
-        self.found, self.choose = Fuzzed(), random.Random(start)
+        self.found, self.choose, self.among = Fuzzed(), random.Random(start), among
         self.things = defaultdict(list, {name: [value] for name, value in things.items()})
         self.headers = {"Authorization": key}
         schema = schemathesis.openapi.from_url(f"{service.url}/openapi.json")
@@ -83,7 +88,7 @@ class _Fuzzer:
         """Some requests of each operation; what removes things comes last, or the others would find
         nothing.
         """
-        mixed = self.choose.sample(self.operations, len(self.operations))
+        mixed = self.choose.sample(self.operations, len(self.operations) // self.among)
         for operation in sorted(mixed, key=_removes):
             if not operation.path.endswith("/events"):  # a stream has no end
                 self._some(operation, examples, number)
