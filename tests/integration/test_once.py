@@ -9,7 +9,7 @@ from uuid import uuid4
 
 import httpx
 import pytest
-from sqlalchemy import Engine, func, select, text
+from sqlalchemy import Engine, func, literal, select, text, union_all
 
 from modalbase import connect
 from service.app.supervisor import LocalService
@@ -37,12 +37,12 @@ class Place:
 
     def rows(self) -> dict[str, int]:
         """How many rows each table has."""
+        counts = (
+            select(literal(each.name), func.count()).select_from(each)
+            for each in Base.metadata.sorted_tables
+        )
         with self.engine.connect() as connection:
-            tables = Base.metadata.sorted_tables
-            return {
-                each.name: connection.scalar(select(func.count()).select_from(each)) or 0
-                for each in tables
-            }
+            return dict(connection.execute(union_all(*counts)).all())
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ RAYLEIGH = Recipe(damping_models=("rayleigh",))
 @pytest.fixture(scope="module")
 def exact(identified: Measurement) -> UpdateResult:
     """In a laboratory that knows all that it states, a window of none included."""
-    return update(replace(identified, inputs=Inputs.exact()), COARSE)
+    return update(replace(identified, inputs=Inputs.exact()), COARSE, RAYLEIGH)
 
 
 def frequencies(specimen: Specimen | BeamSpecimen, count: int = 12) -> np.ndarray:

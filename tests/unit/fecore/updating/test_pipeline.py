@@ -20,6 +20,7 @@ from tests.support.draws import BEAM, Drawn, beam
 from tests.support.fits import COARSE
 from tests.support.lengths import long
 
+JOINT = Recipe(method="joint", damping_models=("rayleigh",))
 PARAMETERS = ("Ex", "Ey", "Gxy", "Gxz", "a0", "a1")
 
 
@@ -185,7 +186,7 @@ def few(drawn: Drawn) -> Measurement:
 
 @pytest.fixture(scope="module")
 def joint(few: Measurement) -> UpdateResult:
-    return update(few, COARSE, Recipe(method="joint"))
+    return update(few, COARSE, JOINT)
 
 
 def test_joint_update_needs_no_modes(drawn: Drawn, joint: UpdateResult) -> None:
@@ -203,7 +204,7 @@ def test_joint_update_takes_gaps_for_no_data(few: Measurement, joint: UpdateResu
     values, frfs = few.frfs.values.copy(), few.frfs
     values[5, 40:60] = np.nan
     holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
-    result = update(replace(few, frfs=holed), COARSE, Recipe(method="joint"))
+    result = update(replace(few, frfs=holed), COARSE, JOINT)
     for one, other in zip(result.parameters, joint.parameters, strict=True):
         assert abs(one.estimate - other.estimate) < 0.1 * other.standard_deviation, one.name
         assert one.standard_deviation == pytest.approx(other.standard_deviation, rel=0.1), one.name
