@@ -4,7 +4,7 @@
 
 The file has `x` (channels, samples), `rate` and `f`, the true frequencies. SSI (covariance-driven,
 40 block rows, orders to 60) finds its modes by the clustering that pyOMA-2 names after Reynders.
-Where a user clicks, as both SSI and pLSCF offer it, they are told the true frequencies and give the
+Where a user clicks, as both SSI and pLSCF offer it, they start from the true frequencies and give the
 nearest pole of one order: 60 and 30. JSON goes out: for each, modes as [f, ζ], and processor
 seconds.
 """

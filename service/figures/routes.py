@@ -31,8 +31,7 @@ from service.nouns.frfs.data import Cut
 from service.nouns.frfs.routes import FrfFilter, Hertz
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.monitors.operations import series_for
-from service.nouns.monitors.parameters import From, To, Version
-from service.nouns.monitors.points import part_of
+from service.nouns.monitors.parameters import From, To, Version, part_of
 from service.nouns.monitors.presentation import series_document
 from service.nouns.monitors.runs import monitor_for
 from service.nouns.records.routes import Whole

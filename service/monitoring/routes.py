@@ -11,8 +11,8 @@ from service.monitoring import runs
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.monitors import operations as monitors
 from service.nouns.monitors.alarms import acknowledge, alarm_for, alarms_seen, raised_with
-from service.nouns.monitors.parameters import From, To, Version
-from service.nouns.monitors.points import PartDep, part_of, points_page
+from service.nouns.monitors.parameters import From, PartDep, To, Version, part_of
+from service.nouns.monitors.points import points_page
 from service.nouns.monitors.presentation import (
     describe_alarms,
     describe_runs,

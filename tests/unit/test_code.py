@@ -239,8 +239,8 @@ def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None
         for given in how.get("parameters", ())
     ]
     limits = {given["schema"].get("default") for given in asked if given["name"] == "limit"}
-    # 20 of what is long; None of grid points, which come all at once
-    assert limits == {20, 100, None}
+    # 20 of what is long; 1000 of points of a series; None of grid points, which come all at once
+    assert limits == {20, 100, 1000, None}
     found = {(one.method, one.path) for one in reference.described(document)}
     assert found == {(route.method, route.path) for route in calls().values()}
     assert len(found) == len(calls()) > 80

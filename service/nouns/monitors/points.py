@@ -11,17 +11,15 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from fastapi import Depends, Query
 from psycopg.types.json import Jsonb
 from sqlalchemy import ColumnElement, delete, func, or_, select, tuple_
 from sqlalchemy.orm import Session
 
 from fecore.trend import Before, Condition, State
 from service.nouns.campaigns.operations import campaign_facts
-from service.nouns.monitors.parameters import From, To
 from service.nouns.monitors.tables import Alarm, MonitorPoint, MonitorRun
 from service.platform.db.bytea import copy_rows
 from service.platform.errors import Invalid
@@ -46,33 +44,6 @@ class Part:
     end: datetime | None = None  # up to this one
     limit: int = MOST  # at most so many of them
     stride: int | None = None  # every so many-th; None: as `limit` asks for
-
-
-def part_of(
-    begin: From = None,
-    end: To = None,
-    limit: Annotated[int, Query(ge=1, le=10_000, description="at most so many campaigns")] = MOST,
-    stride: Annotated[
-        int | None,
-        Query(
-            ge=1,
-            le=1_000_000,
-            description="every so many-th campaign; default: as many as `limit` makes necessary",
-        ),
-    ] = None,
-) -> Part:
-    """The part that a request states.
-
-    Raises:
-        Invalid: a date has no time zone.
-    """
-    for name, date in (("from", begin), ("to", end)):
-        if date is not None and date.tzinfo is None:
-            raise Invalid(name, "has no time zone; end it with Z for UTC")
-    return Part(begin, end, limit, stride)
-
-
-PartDep = Annotated[Part, Depends(part_of)]
 
 
 def shown_runs(session: Session, series: MonitorSeries, part: Part) -> tuple[list[UUID], int, int]:
