@@ -25,14 +25,14 @@ for the refinement and the stuff of the stabilisation diagram, nothing more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
-import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement, means
+from fecore.modal.series import proportional
 
 _MOST = 24  # combinations kept
 _SHORT = 0.02  # of the lines: a gap up to here is bridged for the search
@@ -44,7 +44,7 @@ ORDERS: dict[int, tuple[int, ...]] = {
     SHORT: (3, 4, 5, 6, 8, 10),
 }
 _NEAR_0 = 3 * NARROW  # lines next to 0 Hz with short windows as well: modes are dense there
-_MEANS = (1, 4, 16)  # lines that are taken together
+_MEANS = (4, 16)  # lines that are taken together
 _INNER = 0.15  # of a window at each end, where another window sees more
 _CIRCLE = 0.95  # of the circle that a window is mapped to
 _CLOSE = 0.3  # distance over the half bandwidth within which two poles are one that came back
@@ -169,28 +169,15 @@ def linear_poles(
         highest: largest order.
         windows: numbers of lines.
     """
-    near = min(omega.size, _NEAR_0)
-    whole, start = (omega, values, weight), (omega[:near], values[:, :near], weight[:, :near])
-    means = [_means(*whole, lines) for lines in _MEANS[1:] if omega.size >= lines * NARROW]
-    orders = {
-        size: [n for n in each if n <= max(highest, each[0])] for size, each in ORDERS.items()
-    }
-    estimates = [
-        estimate
-        for (w, h, g), size, own in (
-            *((whole, size, orders[size]) for size in windows),
-            (start, SHORT, ORDERS[SHORT]),
-            *((mean, WIDE, orders[WIDE]) for mean in means),
-        )
-        for part in _parts(w.size, size)
-        for estimate in _in_window(w, h, g, part, own)
-    ]
-    counts = [pole.size for _, pole, _ in estimates]
-    return LinearPoles(
-        order=np.repeat(np.array([order for order, _, _ in estimates], dtype=np.int64), counts),
-        pole=np.concatenate([np.empty(0, dtype=complex), *(pole for _, pole, _ in estimates)]),
-        spacing=np.repeat(np.array([spacing for _, _, spacing in estimates]), counts),
-    )
+    if weight.any(axis=1).all() and (share := proportional(weight)) is not None:
+        values, weight = values * np.sqrt(share)[:, None], weight[:1]
+    seen = [(omega, values, weight, size) for size in windows]
+    seen.append((omega[:_NEAR_0], values[:, :_NEAR_0], weight[:, :_NEAR_0], SHORT))
+    for lines in _MEANS:
+        if omega.size >= lines * NARROW:
+            seen.append((means(omega, lines), means(values, lines), means(weight, lines), WIDE))
+    found = [poles for w, h, g, size in seen for poles in _in_windows(w, h, g, size, highest)]
+    return LinearPoles(*(np.concatenate(each) for each in zip(*map(astuple, found), strict=True)))
 
 
 def clusters(linear: LinearPoles) -> ComplexArray:
@@ -217,90 +204,69 @@ def clusters(linear: LinearPoles) -> ComplexArray:
     return np.array(out, dtype=complex)
 
 
-def _means(
-    omega: FloatArray, values: ComplexArray, weight: FloatArray, lines: int
-) -> tuple[FloatArray, ComplexArray, FloatArray]:
-    """The same with as many neighbouring lines as that in one."""
-    return means(omega, lines), means(values, lines), means(weight, lines)
-
-
-def _parts(lines: int, size: int) -> list[tuple[slice, float, float]]:
-    """Windows with the shares of their lines between which a pole is theirs."""
-    if lines <= size:
-        return [(slice(0, lines), -1.0, 2.0)]
-    count = int(np.ceil((lines - size) / ((1 - 2 * _INNER) * size))) + 1
-    starts = np.linspace(0, lines - size, count).round().astype(int)
-    low, high = np.full(count, _INNER), np.full(count, 1 - _INNER)
+def _in_windows(
+    omega: FloatArray, values: ComplexArray, weight: FloatArray, size: int, highest: int
+) -> Iterator[LinearPoles]:
+    """Poles of windows of so many lines that overlap, order by order; of each window those where no
+    other sees more.
+    """
+    most, size, own = max(highest, ORDERS[size][0]), min(size, omega.size), ORDERS[size]
+    orders = [n for n in own if n <= min(most, size // 3)] or [max(size // 3, 2)]
+    count = int(np.ceil((omega.size - size) / ((1 - 2 * _INNER) * size))) + 1
+    low, high = np.full((count, 1), _INNER), np.full((count, 1), 1 - _INNER)
     low[0], high[-1] = -1.0, 2.0  # beyond the band there is no other window
-    return [(slice(s, s + size), a, b) for s, a, b in zip(starts, low, high, strict=True)]
-
-
-def _in_window(
-    omega: FloatArray,
-    values: ComplexArray,
-    weight: FloatArray,
-    part: tuple[slice, float, float],
-    orders: Sequence[int],
-) -> list[tuple[int, ComplexArray, float]]:
-    """Order, poles (rad/s) and line spacing, order by order."""
-    lines, low, high = part
-    w, h, g = omega[lines], values[:, lines], weight[:, lines]
-    span = float(w[-1] - w[0])
-    top = [n for n in orders if n <= w.size // 3] or [max(w.size // 3, 2)]
+    lines = np.linspace(0, omega.size - size, count).round().astype(int)[:, None] + np.arange(size)
+    first, span = omega[lines[:, :1]], omega[lines[:, -1:]] - omega[lines[:, :1]]
     period = 2 * np.pi * _CIRCLE / span
-    out = []
-    for n, z in _of_orders(h, g, np.exp(1j * (w - w[0]) * period), top):
-        turned = np.log(z)
-        turned = np.where(turned.imag < -(1 - _CIRCLE) * np.pi, turned + 2j * np.pi, turned)
-        s = turned / period + 1j * w[0]
-        place = (s.imag - w[0]) / span
+    h, g = np.moveaxis(values[:, lines], 1, 0), np.moveaxis(weight[:, lines], 1, 0)
+    for z in _of_orders(h, g, np.exp(1j * (omega[lines] - first) * period), orders):
+        turned = np.log(np.where(z == 0, np.nan, z))
+        turned += np.where(turned.imag < -(1 - _CIRCLE) * np.pi, 2j * np.pi, 0)
+        s = turned / period + 1j * first
+        place = (s.imag - first) / span
         keep = (s.real < 0) & (-2 * s.real < span) & (s.imag > 0) & (place > low) & (place < high)
-        out.append((n, s[keep], span / max(w.size - 1, 1)))
-    return out
+        spacing = np.broadcast_to(span / max(size - 1, 1), keep.shape)
+        yield LinearPoles(np.full(int(keep.sum()), z.shape[1]), s[keep], spacing[keep])
 
 
 def _of_orders(
-    values: ComplexArray, weight: FloatArray, z: ComplexArray, orders: list[int]
-) -> list[tuple[int, ComplexArray]]:
-    """Poles in z for every order, from the moments of the largest: leading parts of one Cholesky
-    factor serve all.
+    values: ComplexArray, weight: FloatArray, z: ComplexArray, orders: Sequence[int]
+) -> Iterator[ComplexArray]:
+    """(W, n) poles in z of W windows for every order n, from the moments of the largest: leading
+    parts of one Cholesky factor serve all, and what an order adds is taken out once. 0 stands for
+    none.
+
+    Args:
+        values: (W, M, l) FRFs.
+        weight: (W, M, l), or (W, 1, l) where it is one of all.
+        z: (W, l) lines on the circle.
+        orders: ascending.
     """
     top = orders[-1]
-    lags = z[:, None] ** np.arange(-top, top + 1)
+    powers = np.cumprod(np.repeat(z[:, :, None], top, axis=2), axis=2)
+    lags = np.concatenate([powers[..., ::-1].conj(), np.ones((*z.shape, 1)), powers], axis=2)
     shift = top + np.arange(top + 1) - np.arange(top + 1)[:, None]  # [r, s] -> moment of z^(s - r)
-    alike = np.all(weight == weight[0])
-    R = ((weight[:1] if alike else weight) @ lags)[:, shift]
-    S = ((weight * values) @ lags)[:, shift]
-    T = (np.sum(weight * np.abs(values) ** 2, axis=0) @ lags)[shift]
-    size = np.einsum("mii->m", R).real / (top + 1)
-    alive = size > 0
-    if not alive.any():
-        return []
-    R = R[alive] / size[alive, None, None] + 1e-12 * np.eye(top + 1)
-    S = (S if alike else S[alive]) / np.sqrt(size[alive, None, None])
-    try:
-        root = np.linalg.cholesky(R)
-    except np.linalg.LinAlgError:
-        return []
-    if alike:
-        Y = scipy.linalg.solve_triangular(
-            root[0], S.transpose(1, 0, 2).reshape(top + 1, -1), lower=True, check_finite=False
-        )
-        Y = Y.reshape(top + 1, -1, top + 1)
-    else:
-        Y = np.linalg.solve(root, S).transpose(1, 0, 2)
-    out: list[tuple[int, ComplexArray]] = []
+    power = np.sum(weight * np.abs(values) ** 2, axis=1, keepdims=True)
+    R, T = ((each @ lags)[..., shift] for each in (weight, power))
+    S = ((weight * values) @ lags)[..., shift]
+    size = np.einsum("wmii->wm", R).real[..., None, None] / (top + 1)
+    dead = size == 0
+    size[dead] = 1.0
+    R = R / size + np.where(dead, 1.0, 1e-12) * np.eye(top + 1)
+    S = S / np.sqrt(size)
+    if weight.shape[1] == 1:
+        S = S.transpose(0, 2, 1, 3).reshape(len(z), 1, top + 1, -1)
+    Y = np.linalg.inv(np.linalg.cholesky(R)) @ S
+    Y = Y.transpose(0, 2, 1, 3).reshape(len(z), -1, top + 1)
+    left, rows, begin = T[:, 0], Y.shape[1] // (top + 1), 0  # rows of Y to one of the factor
     for n in orders:
-        own = Y[: n + 1, :, : n + 1].reshape(-1, n + 1)
-        normal = T[: n + 1, : n + 1] - own.conj().T @ own
-        ridge = 1e-13 * np.trace(normal).real / n * np.eye(n)
-        try:
-            alpha = np.linalg.solve(normal[:n, :n] + ridge, -normal[:n, n])
-        except np.linalg.LinAlgError:
-            continue
-        companion = np.eye(n, k=-1, dtype=complex)
-        companion[:, -1] = -alpha
-        if np.all(np.isfinite(alpha)):
-            roots = np.linalg.eigvals(companion)
-            out.append((n, np.asarray(roots[np.abs(roots) > np.finfo(float).tiny], dtype=complex)))
-    return out
+        own = Y[:, begin * rows : (n + 1) * rows]
+        left, begin = left - own.conj().transpose(0, 2, 1) @ own, n + 1
+        normal = left[:, : n + 1, : n + 1].copy()
+        ridge = np.trace(normal, axis1=1, axis2=2).real / n
+        flat = ~(ridge > 0)
+        normal[:, np.arange(n), np.arange(n)] += np.where(flat, 1.0, 1e-13 * ridge)[:, None]
+        companion = np.zeros((len(z), n, n), dtype=complex)
+        companion[:, np.arange(1, n), np.arange(n - 1)] = 1.0
+        companion[:, :, -1] = np.linalg.solve(normal[:, :n, :n], normal[:, :n, n:])[..., 0]
+        yield np.asarray(np.linalg.eigvals(companion), dtype=complex)

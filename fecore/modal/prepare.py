@@ -318,7 +318,7 @@ def turned_backwards(arrangement: Arrangement) -> bool:
     """Whether the FRFs are conjugates: from line to line most of them turn anti-clockwise, clearly
     above their noise.
     """
-    values = arrangement.values / np.sqrt(scatter_of(arrangement))
+    values = arrangement.values / np.sqrt(_line_scatter(arrangement))
     both = arrangement.measured[:, 1:] & arrangement.measured[:, :-1]
     turn = np.sum(np.where(both, values[:, 1:] * values[:, :-1].conj(), 0).imag, axis=1)
     return bool(np.median(turn / np.sqrt(np.maximum(both.sum(axis=1), 1) / 2)) > CLEAR)
@@ -539,11 +539,15 @@ def scatter_of(arrangement: Arrangement) -> FloatArray:
     """(N, L) variance of what changes from line to line of FRFs, at most several times what they do
     not have in common.
     """
-    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, np.finfo(float).tiny))
-    scatter = line_scatter(arrangement.values, arrangement.measured, first)
+    scatter = _line_scatter(arrangement)
     level = np.median(scatter, axis=1, keepdims=True)
     least = np.minimum(scatter, _DISAGREES * level * _uncommon(arrangement, level))
     return np.asarray(np.maximum(least, _floor(arrangement.values)))
+
+
+def _line_scatter(arrangement: Arrangement) -> FloatArray:
+    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, np.finfo(float).tiny))
+    return line_scatter(arrangement.values, arrangement.measured, first)
 
 
 def _uncommon(arrangement: Arrangement, level: FloatArray) -> FloatArray:
@@ -559,12 +563,15 @@ def _uncommon(arrangement: Arrangement, level: FloatArray) -> FloatArray:
         return out
     scaled = arrangement.values / np.sqrt(level)
     nodes = np.unique(np.append(np.arange(_BESIDE, lines - _BESIDE, _BESIDE), lines - 1 - _BESIDE))
+    near = nodes[:, None] + np.arange(-_BESIDE, _BESIDE + 1)
+    whole = arrangement.measured[:, near].all(axis=(0, 2))
+    products = []
+    for each in near[whole]:
+        both = np.concatenate([scaled[:, each].real, scaled[:, each].imag], axis=1)
+        products.append(both @ both.T if len(both) < both.shape[1] else both.T @ both)
     power = np.full(nodes.size, np.inf)
-    for place, node in enumerate(nodes):
-        near = slice(node - _BESIDE, node + _BESIDE + 1)
-        if arrangement.measured[:, near].all():
-            both = np.concatenate([scaled[:, near].real, scaled[:, near].imag], axis=1)
-            small = both @ both.T if len(both) < both.shape[1] else both.T @ both
-            value = np.linalg.eigvalsh(small)
-            power[place] = max(value[: value.size // 2].mean(), 0.0) * 2 / max(both.shape)
+    if products:
+        value = np.linalg.eigvalsh(np.array(products))
+        small = value[:, : value.shape[1] // 2].mean(axis=1)
+        power[whole] = np.maximum(small, 0.0) * 2 / max(len(scaled), 2 * near.shape[1])
     return np.asarray(np.repeat(power, np.diff(np.r_[0, (nodes[1:] + nodes[:-1]) // 2, lines])))

@@ -157,6 +157,7 @@ def linear_fit(
     variance: FloatArray,
     weights: Weights | None = None,
     background: ComplexArray | float = 0.0,
+    basis: ComplexArray | None = None,
 ) -> LinearFit:
     """Linear coefficients and residual at given poles.
 
@@ -166,12 +167,13 @@ def linear_fit(
         variance: (N, L) of the FRFs' noise.
         weights: those of the variance, where they are known.
         background: (N, L) what stands fixed beside the terms.
+        basis: (L, q) columns of the terms, where they are known.
 
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
     """
     weights = weights or Weights.of(variance, arrangement.measured)
-    basis = columns(arrangement.omega, terms, arrangement.power)
+    basis = columns(arrangement.omega, terms, arrangement.power) if basis is None else basis
     values = arrangement.values - background
     linear = solved(basis, values, weights)
     residual = values - expanded(linear.coefficients, basis)
@@ -244,10 +246,10 @@ def _relative(
 
 def reweighted_fit(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> LinearFit:
     """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
-    missed_by = arrangement.values
+    missed_by, basis = arrangement.values, columns(arrangement.omega, terms, arrangement.power)
     for _ in range(1 + PASSES):
         variance = local_variance(arrangement, missed_by, noise)
-        fit = linear_fit(arrangement, terms, variance)
+        fit = linear_fit(arrangement, terms, variance, basis=basis)
         missed_by = fit.residual
     return fit
 
@@ -419,33 +421,44 @@ def refine(
         IdentificationError: a term has no weight.
     """
     free = np.arange(terms.pairs) if free is None else free
-    both = np.concatenate([free, terms.pairs + free])
     start = linear_fit(arrangement, terms, variance, None, background)
-    fit = _with_slopes(arrangement, start, free)
+    fit, slopes = _least_misfit(arrangement, start, free, steps, enough)
+    return slopes or _with_slopes(arrangement, fit, free)
+
+
+def _least_misfit(
+    arrangement: Arrangement, fit: LinearFit, free: IntArray, steps: int, enough: float
+) -> tuple[LinearFit, PoleFit | None]:
+    """The fit from which no step gains enough, or after so many steps; with its matrices where a
+    step was looked for from there.
+    """
+    both = np.concatenate([free, fit.terms.pairs + free])
+    slopes: PoleFit | None = None
     damping, growth = 1e-4, 10.0
     for _ in range(steps):
+        slopes = slopes or _with_slopes(arrangement, fit, free)
         zeta = fit.terms.damping_ratio[free]  # no pole moves by more than its width
         limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)])
-        own, predicted = bounded_step(fit.information, fit.gradient, limit, damping)
+        own, predicted = bounded_step(slopes.information, slopes.gradient, limit, damping)
         if predicted < enough:
             break
-        step = np.zeros(terms.parameters)
+        step = np.zeros(fit.terms.parameters)
         step[both] = own
         try:
             trial = linear_fit(
-                arrangement, moved(fit.terms, step), variance, fit.weights, background
+                arrangement, moved(fit.terms, step), fit.variance, fit.weights, fit.background
             )
         except IdentificationError:  # a term has no weight there: a shorter step
             trial = fit
         if trial.chi_squared < fit.chi_squared:
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
-            fit, growth = _with_slopes(arrangement, trial, free), 10.0
+            fit, slopes, growth = trial, None, 10.0
         else:
             damping, growth = max(damping, 1e-5) * growth, 10 * growth
             if damping > 1e8:
                 break
-    return fit
+    return fit, slopes
 
 
 def moved(terms: Terms, step: FloatArray) -> Terms:
@@ -466,7 +479,7 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
     """
     terms, linear, weights = level.terms, level.linear, level.weights
     turn = slope_parts(terms, level.residues, free)
-    known = linear.basis[:, (2 * free[:, None] + [0, 1]).ravel()]
+    known = linear.basis.T[(2 * free[:, None] + [0, 1]).ravel()].T
     steep = derivatives(arrangement.omega, terms.some(free), arrangement.power, known)
     onto = linear.turn.T @ real_part(linear.basis.T, (weights.root[:, None] ** 2 * steep).T)
     steep = steep - expanded((linear.turn @ onto).T, linear.basis).T
@@ -513,7 +526,7 @@ def refined_modes(
     the least: they stay as they are meanwhile.
     """
     free = np.flatnonzero(plausible(arrangement, fit, least))
-    return refine(arrangement, fit.terms, fit.variance, steps=steps, enough=enough, free=free)
+    return _least_misfit(arrangement, fit, free, steps, enough)[0]
 
 
 def pruned(arrangement: Arrangement, fit: LinearFit, beside: int = 0) -> LinearFit:

@@ -50,6 +50,7 @@ from fecore.modal.refine import (
 )
 from fecore.modal.series import (
     BESIDE,
+    NO_TERMS,
     ONE,
     WHOLE,
     Terms,
@@ -158,6 +159,15 @@ def forward_selection(
 ) -> Terms:
     """The poles that the combinations of FRFs need.
 
+    In every round
+
+    1. Candidates: what the residual shows, and those of the pool.
+    2. Choose: those that pay, each on top of those before it.
+    3. Refuse: what is no mode after a first refinement is error: it leaves, and its power goes into
+       the variance of its lines.
+    4. Refine: all poles, with all residual terms, and the variance, in turn.
+    5. Prune: what does not pay any more; the rounds end where they add no mode.
+
     Args:
         data: the FRFs.
         start: the series to start from.
@@ -172,6 +182,7 @@ def forward_selection(
     fit = reweighted_fit(arrangement, start, noise)
     count = count_modes(arrangement, fit)
     for number in range(rounds):
+        # 1. Candidates.
         pairs = fit.terms.pairs
         candidates = first
         if pairs:
@@ -187,20 +198,22 @@ def forward_selection(
             whole = linear_fit(arrangement, all_of_them, fit.variance)
             variance = local_variance(arrangement, whole.residual, noise)
             fit = linear_fit(arrangement, fit.terms, variance)
+        # 2. Choose.
         # lines that share their errors count once: what bends the modes that are there is no other
         tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model) if pairs else 1.0
         tau = min(tau, _SMOOTHEST)
         added = _chosen(arrangement, fit, candidates, most - pairs, beside, tau)
         if not added.size:
             break
+        # 3. Refuse.
         terms = with_poles(fit.terms, added)
         larger = linear_fit(arrangement, terms, fit.variance)
         larger = refined_modes(arrangement, larger, _FIRST, HOPELESS)
-        # what is no mode is error: it leaves, and its power goes into the variance of its lines
         keep = plausible(arrangement, larger, HOPELESS)
         if not keep.all():
             terms = larger.terms.some(keep)
             larger = linear_fit(arrangement, terms, larger.variance, larger.weights)
+        # 4. Refine.
         for _ in range(PASSES):
             larger = refined_modes(arrangement, larger, STEPS)
             # Not before there are poles, as residual terms would take the place of a broad one;
@@ -208,9 +221,10 @@ def forward_selection(
             terms, variance = with_residual_terms(arrangement, larger.terms), larger.variance
             whole = linear_fit(arrangement, terms, variance, larger.weights)
             own = local_variance(arrangement, whole.residual, noise)
-            larger = linear_fit(arrangement, terms, own)
+            larger = linear_fit(arrangement, terms, own, basis=whole.linear.basis)
             if np.mean(np.log(variance / own)) < 1:
                 break
+        # 5. Prune.
         fit = pruned(arrangement, larger, beside)
         step(fit.terms.pairs)
         before, count = count, count_modes(arrangement, fit)
@@ -230,46 +244,40 @@ def _beyond(arrangement: Arrangement) -> ComplexArray:
 def _chosen(
     arrangement: Arrangement, fit: LinearFit, pool: ComplexArray, room: int, beside: int, tau: float
 ) -> ComplexArray:
-    """The candidates that pay, most gain first, each on top of those before it."""
+    """The candidates that pay, most gain first, each on top of those before it.
+
+    1. Products: of the columns of all candidates, less their projection on the series, with each
+       other and with the residual.
+    2. Gains: what each candidate lowers the misfit by, where columns are left of it.
+    3. Take: the candidate of the largest gain, while it pays.
+    4. Project: its columns leave all products, and what overlaps it leaves the pool.
+    """
     pool = pool[~overlapping(pool, fit.terms.poles, _SAME)]
     if not pool.size or room <= 0:
         return pool[:0]
-    root = np.sqrt(fit.weight.mean(axis=0))
-    scaled = fit.residual * np.sqrt(fit.weight)
-    target = np.concatenate([scaled.real, scaled.imag], axis=1)
+    # 1. Products.
+    root, alone = np.sqrt(fit.weight.mean(axis=0)), with_poles(NO_TERMS, pool)
     frame = stacked(fit.linear.frame, root)
-    extra = stacked(
-        columns(
-            arrangement.omega,
-            with_poles(Terms(np.empty(0), np.empty(0), ()), pool),
-            arrangement.power,
-        ),
-        root,
-    )
-    extra /= np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
     frame = frame @ whitening(frame)
-    extra -= frame @ (frame.T @ extra)
-    right = target @ extra
-    one, two = extra[:, 0::2], extra[:, 1::2]
-    gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
+    extra = stacked(columns(arrangement.omega, alone, arrangement.power), root)
+    extra /= np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
+    inside, target = frame.T @ extra, (fit.residual * np.sqrt(fit.weight)).view(np.float64)
+    gram = extra.T @ extra - inside.T @ inside
+    right = target @ extra - (target @ frame) @ inside
     price = tau * (fit.pole_price + (PRICE - 1) * 2 * beside)
-    basis: FloatArray = np.empty((len(extra), 0))
     # of a candidate's power: what the series leaves below it is round-off, or a pole that it has
     new = np.where(overlapping(pool, fit.terms.poles, BESIDE), 1e-6, 1e-10)
     taken: list[int] = []
     open_ = np.ones(pool.size, dtype=bool)
     while len(taken) < room:
-        # of each pair of columns, where more than `new` is left of them
-        (a, b, d), one, two = gram, right[:, 0::2], right[:, 1::2]
-        determinant = a * d - b**2
-        solvable = (a > new) & (d > new) & (determinant > new * a * d)
-        total = (
-            d * np.sum(one**2, axis=0)
-            - 2 * b * np.sum(one * two, axis=0)
-            + a * np.sum(two**2, axis=0)
-        )
-        gain = np.where(solvable, total / np.where(solvable, determinant, 1.0), 0.0)
-        gain = np.where(open_, gain, 0.0)
+        # 2. Gains.
+        a, b, d = gram.diagonal()[0::2], gram.diagonal(1)[0::2], gram.diagonal()[1::2]
+        one, two, determinant = right[:, 0::2], right[:, 1::2], a * d - b**2
+        left = open_ & (a > new) & (d > new) & (determinant > new * a * d)
+        total = d * np.sum(one**2, axis=0) + a * np.sum(two**2, axis=0)
+        total -= 2 * b * np.sum(one * two, axis=0)
+        gain = np.where(left, total / np.where(left, determinant, 1.0), 0.0)
+        # 3. Take.
         k = int(np.argmax(gain))
         if gain[k] < price and not fit.terms.pairs and not taken:
             # A first pole that most of the FRFs' own variance is gains no more than that: it pays
@@ -278,16 +286,11 @@ def _chosen(
         if gain[k] < price:
             break
         taken.append(k)
-        own = extra[:, 2 * k : 2 * k + 2]
-        own = np.linalg.qr(own - basis @ (basis.T @ own))[0]
-        basis = np.concatenate([basis, own], axis=1)
-        along = own.T @ extra  # (2, 2C)
-        right = right - (target @ own) @ along
-        a, b = along[:, 0::2], along[:, 1::2]
-        gram = [
-            g - np.sum(x * y, axis=0)
-            for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)
-        ]
+        # 4. Project.
+        own = slice(2 * k, 2 * k + 2)
+        along = np.linalg.solve(gram[own, own], gram[own])
+        right = right - right[:, own] @ along
+        gram = gram - gram[:, own] @ along
         open_ &= ~overlapping(pool, pool[[k]])
     return pool[taken]
 
@@ -539,7 +542,7 @@ def joined(
         own = part.own(each.series.terms)
         poles = np.append(poles, own[~(curves_alike(own, poles) >= _ONE_CURVE).any(axis=1)])
     data = CombinedFrfs.of(arrangement, noise)
-    series = data.fitted(with_poles(Terms(np.empty(0), np.empty(0), ()), poles))
+    series = data.fitted(with_poles(NO_TERMS, poles))
     within = [
         each.linear.between(*part.ends_hz) for part, each in zip(parts, searched, strict=True)
     ]

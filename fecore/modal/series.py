@@ -108,6 +108,10 @@ class Terms:
         return 2 * self.pairs
 
 
+NO_TERMS = Terms(np.empty(0), np.empty(0), ())
+"""To add poles to."""
+
+
 def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
     """The terms with more poles, rad/s."""
     hz = np.abs(pole) / (2 * np.pi)
@@ -141,20 +145,20 @@ def columns(
     in s/ω_ref to be of like size; `reference` is ω_ref, by default the geometric mean of the first
     and the last line.
     """
-    s, n = 1j * omega, 2 * terms.pairs
-    lift, pole = (s**power)[:, None], terms.poles
-    basis = np.empty((omega.size, terms.columns), dtype=complex)
+    n, lift, pole = 2 * terms.pairs, (1j * omega) ** power, terms.poles[:, None]
+    rows = np.empty((terms.columns, omega.size), dtype=complex)
     # the temporaries of so many entries stay in the processor's cache
-    step = max(1, 30_000 // max(terms.pairs, 1))
+    step = max(1, 10_000 // max(terms.pairs, 1))
     for part in (slice(first, first + step) for first in range(0, omega.size, step)):
-        one, other = s[part, None] - pole, s[part, None] - pole.conj()
+        s = 1j * omega[part]
+        one, other = s - pole, s - pole.conj()
         both = lift[part] / (one * other)
-        np.multiply(one + other, both, out=basis[part, 0:n:2])
-        np.multiply(-2 * pole.imag, both, out=basis[part, 1:n:2])
-    scaled = s / (reference or np.sqrt(omega[0] * omega[-1]))
+        np.multiply(one + other, both, out=rows[0:n:2, part])
+        np.multiply(-2 * pole.imag, both, out=rows[1:n:2, part])
+    scaled = omega / (reference or np.sqrt(omega[0] * omega[-1]))
     for place, e in enumerate(terms.exponents, n):
-        basis[:, place] = lift[:, 0] * scaled**e
-    return basis
+        rows[place] = lift * (1j**e * scaled**e)
+    return rows.T
 
 
 def derivatives(
@@ -166,12 +170,12 @@ def derivatives(
     its two columns a and b in the basis, which may be given.
     """
     basis = columns(omega, replace(terms, exponents=()), power) if basis is None else basis
-    a, b = basis[:, 0::2], basis[:, 1::2]
-    steep = np.empty(basis.shape, dtype=complex)
-    drop = ((1j * omega) ** -power)[:, None]
-    np.multiply((a - b) * (a + b), drop / 2, out=steep[:, 0::2])
-    np.multiply(a * b, drop, out=steep[:, 1::2])
-    return steep
+    a, b = basis.T[0::2], basis.T[1::2]
+    rows = np.empty((basis.shape[1], omega.size), dtype=complex)
+    drop = (1j * omega) ** -power
+    np.multiply((a - b) * (a + b), drop / 2, out=rows[0::2])
+    np.multiply(a * b, drop, out=rows[1::2])
+    return rows.T
 
 
 def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
@@ -349,8 +353,9 @@ def orthonormal(basis: ComplexArray, root: FloatArray) -> tuple[ComplexArray, Fl
 
 
 def stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
-    """(2L, q) real above imaginary parts of columns, weighted by (L,)."""
-    return np.concatenate([basis.real * root[:, None], basis.imag * root[:, None]])
+    """(2L, q) real and imaginary parts of columns in turn, weighted by (L,)."""
+    rows = np.ascontiguousarray(basis.T).view(np.float64) * np.repeat(root, 2)
+    return rows.T
 
 
 def mean_weight(weight: FloatArray) -> FloatArray:
