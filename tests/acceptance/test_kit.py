@@ -12,6 +12,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.support.browser import answered, hindrances, watched_page
+from tests.support.lengths import long
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -40,7 +41,7 @@ BARE = """() => [...document.querySelectorAll(
     .filter(one => getComputedStyle(one).appearance !== "none").map(one => one.outerHTML)"""
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1400, False), (390, True)])
+@pytest.mark.parametrize(("width", "dark"), [long(1400, False), (390, True)])
 def test_each_part_has_its_size_its_place_and_its_contrast(
     running: Browser, service: LocalService, width: int, dark: bool
 ) -> None:

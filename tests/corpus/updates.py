@@ -142,11 +142,11 @@ def mixed_up() -> Measurement:
     """One FRF of the opposite sign, one twice as large, two points swapped, and all in units of a
     thousand times the stated.
     """
-    values, points = 1e-3 * measured().frfs.values, dict(measured().points)
+    values, points = 1e-3 * identified().frfs.values, dict(identified().points)
     values[3] *= -1
     values[7] *= 2
     points[5], points[20] = points[20], points[5]
-    return replace(measured(), frfs=replace(measured().frfs, values=values), points=points)
+    return replace(identified(), frfs=replace(identified().frfs, values=values), points=points)
 
 
 def of_another_beam(boundary: Boundary) -> UpdateResult:
@@ -358,11 +358,11 @@ UPDATES: dict[str, Case] = {
         HEIGHT.format("0.001"), r"FRF 33Z/4Z \(-(0.99|1.0\d)\) has the opposite sign of the model's",
         r"FRF 33Z/8Z \(\+(1.99|2.0\d)\) has another level than the rest", r"FRFs? .*33Z/20Z.* a wrong point",
     ], more=constants_stand)),
-    "in g": (lambda: update(faulty(factor=1 / 9.80665), BEAM), Updated(level="with_care", reasons=[
+    "in g": (lambda: update(faulty(identified(), factor=1 / 9.80665), BEAM), Updated(level="with_care", reasons=[
         HEIGHT.format("0.102") + r" \(as acceleration in g is, for m/s²\): check"], close=clean)),
-    "turned and not calibrated": (lambda: update(faulty(factor=-2.5), BEAM), Updated(
+    "turned and not calibrated": (lambda: update(faulty(identified(), factor=-2.5), BEAM), Updated(
         level="with_care", reasons=[OPPOSITE, HEIGHT.format("2.5") + ": check"], close=clean)),
-    "all turned but one": (lambda: update(faulty(factor=-1.0, turned=(3,)), BEAM), Updated([
+    "all turned but one": (lambda: update(faulty(identified(), factor=-1.0, turned=(3,)), BEAM), Updated([
         r"FRF 33Z/4Z \(-(0.99|1.0\d)\) has the opposite sign of the rest's"])),
     "stated as free": (
         lambda: update(replace(identified(), frfs=identified().frfs.band(2.0, 500.0)), replace(BEAM, boundary="free")),
