@@ -169,7 +169,7 @@ def test_the_example_is_made_removed_and_had_back_by_a_click_each(
 def test_structures_of_every_kind_are_made_and_chosen(
     running: Browser, service: LocalService
 ) -> None:
-    """A profile, plies and a deck by the form of a new test; one that is there is chosen; what is
+    """A profile and plies by the form of a new test; one that is there is chosen; what is
     left out is not sent.
     """
     key = service.new_key("builder")
@@ -208,22 +208,13 @@ def test_structures_of_every_kind_are_made_and_chosen(
             (90, 0.001),
         ]
 
-        page.goto(f"/ui/new?project={project}")
-        page.set_input_files(
-            "#file", {"name": "angle.inp", "mimeType": "text/plain", "buffer": profiles.deck()}
-        )
-        page.wait_for_selector("[data-looked] tbody :text('m-N-kg?')")
-        page.fill("[name=units]", "m-N-kg")
-        stored(page, "free")
-        assert structures(api, project)[2]["model"] is not None
-
         page.goto("/ui/new")
         page.select_option("#which-structure", profile["id"])
         assert not page.locator("[name='structure/name']").is_visible()
         stored(page, "cantilever")
         tests = ok(api.get(f"structures/{profile['id']}/campaigns"))["items"]
         assert [test["boundary"] for test in tests] == ["free", "cantilever"]
-        assert len(structures(api, project)) == 3
+        assert len(structures(api, project)) == 2
         corrected(page, f"structures/{profile['id']}")
         assert structures(api, project)[0]["shape"]["walls"]["web"]["thickness_m"] == 0.0055
         assert structures(api, project)[0]["shape"]["walls"]["flange"]["thickness_m"] == 0.006
