@@ -17,6 +17,7 @@ process                         all of it, point by point
 block_spectra                   spectra of a recording with their scatter over its blocks
 measured_loads                  any measured load, to FRFs
 half_spectra, setups            responses to loads that nobody measured; several such recordings
+transmissibility                such responses for each unit of some of them
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
@@ -31,6 +32,7 @@ from fecore.signal.process import Shelf, process, process_in_parts
 from fecore.signal.reasons import HitFinding
 from fecore.signal.setups import ResponseRecording, spectra_of_setups
 from fecore.signal.spectra import Source, by_point
+from fecore.signal.transmissibility import Transmissibilities, transmissibilities
 from fecore.signal.windows import Windows, remove_window
 
 __all__ = [
@@ -54,6 +56,7 @@ __all__ = [
     "Shelf",
     "Source",
     "Strip",
+    "Transmissibilities",
     "Windows",
     "by_point",
     "each_hit",
@@ -65,4 +68,5 @@ __all__ = [
     "process_in_parts",
     "remove_window",
     "spectra_of_setups",
+    "transmissibilities",
 ]

@@ -177,7 +177,7 @@ def half_spectra(
         [_transformed(each, lags, sample_rate_hz, below)[..., keep] for each in groups.correlations]
     )
     scale = (2 * np.pi * line) ** below[:, None]
-    hann = 2 / (sample_rate_hz * 0.375 * lags * _SEGMENTS * groups.counts.sum())
+    hann = 2 / (sample_rate_hz * 0.375 * lags * SEGMENTS * groups.counts.sum())
     return HalfSpectra(
         frequency_hz=line[keep],
         blocks=spectra / groups.counts[:, None, None, None],
@@ -342,7 +342,7 @@ class _Sums:
         Args:
             scale: (N, K) that takes each channel to the highest derivative.
         """
-        second, fourth = self.powers / (_SEGMENTS * float(self.counts.sum()))
+        second, fourth = self.powers / (SEGMENTS * float(self.counts.sum()))
         each = fourth / np.maximum(second**2, np.finfo(float).tiny) - 2
         power = second * scale**2
         share = power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
@@ -355,7 +355,8 @@ def _correlated(cross: ComplexArray, lags: int) -> FloatArray:
     return np.concatenate((whole[..., -1:], whole[..., : lags + 2]), axis=-1)
 
 
-_SEGMENTS = 3  # of a block
+SEGMENTS = 3
+"""Hann segments of a block, which overlap by half."""
 
 
 def _segments(block: FloatArray, lags: int) -> ComplexArray:

@@ -160,7 +160,7 @@ def frfs_of_loads(
     # 3. FRFs.
     sums, counts = groups.done()
     cross, force = sums.sum(axis=0)[:n], sums.sum(axis=0)[n:]
-    inverse, separable = _inverse(force, bool(period))
+    inverse, separable = separated(force, 0, _ACTIVE if period else 1e-16)
     _require_separable(separable, loads)
     values = np.einsum("nrl,rsl->nsl", cross, inverse)
     coherence = np.einsum("nrl,nrl->nl", values, cross.conj()).real / np.maximum(own, _TINY)
@@ -273,13 +273,20 @@ def _size(
     return size // (2 * _HOPS) * 2 * _HOPS
 
 
-def _inverse(force: ComplexArray, periodic: bool) -> tuple[ComplexArray, BoolArray]:
-    """(R, R, L) inverse of the loads' spectra, at lines where they can be separated, 0 elsewhere;
-    and (R, L) which can be.
+def separated(
+    force: ComplexArray, constant: int | None = None, least: float = 1e-16
+) -> tuple[ComplexArray, BoolArray]:
+    """(R, R, L) inverse of the spectra of loads or references, at lines where they can be separated,
+    0 elsewhere; and (R, L) which can be.
+
+    Args:
+        force: (R, R, L) spectra.
+        constant: the line at 0 Hz, which is left out; None where there is none.
+        least: of the strongest line's power, from where one has power in a line.
     """
     level = np.sqrt(np.maximum(np.einsum("rrl->rl", force).real, _TINY))
-    there = level**2 > (_ACTIVE if periodic else 1e-16) * level.max(axis=1, keepdims=True) ** 2
-    there[:, 0] = False
+    there = level**2 > least * level.max(axis=1, keepdims=True) ** 2
+    there[:, [] if constant is None else [constant]] = False
     scaled = np.moveaxis(force / (level[:, None] * level), -1, 0)
     both = there.T[:, :, None] & there.T[:, None]
     scaled = np.where(both, scaled, 0) + np.eye(len(level)) * ~there.T[:, :, None]

@@ -88,6 +88,34 @@ class Recording(Thing):
         )
         return shape
 
+    def transmissibility(self, *references: tuple[int, int]) -> dict[str, Any]:
+        """What its sensors do for each unit of one or several of them, as numpy arrays:
+        `frequency_hz` (L,), `values` and `variance` (N, R, L), multiple `coherence` (N, L),
+        `responses` and `references` as rows of point and direction.
+
+        Args:
+            references: point and direction of sensors among the references of the processing;
+                its first one where none is stated.
+
+        Raises:
+            ClientError: no processing has made its spectra yet, or references are alike.
+        """
+        import numpy as np
+
+        content = self.lab.rest.get_recording_transmissibility(
+            self.fields["id"], references=_named(references), format="npz"
+        )
+        with np.load(BytesIO(content)) as arrays:
+            return dict(arrays)
+
+    def save_transmissibility(self, file: str | Path, *references: tuple[int, int]) -> Path:
+        """Write the same to a file: `.uff` (sets 58 of type 5), `.npz`, `.h5`, `.parquet` or `.json`.
+
+        Raises:
+            ClientError: the name says no format, or as of `transmissibility`.
+        """
+        return self._save("transmissibility", file, SPECTRA, references=_named(references))
+
     def save_spectra(self, file: str | Path) -> Path:
         """Write its spectra to a file: `.uff`, `.npz`, `.h5`, `.parquet` or `.json`.
 
@@ -506,6 +534,11 @@ class Campaign(Attached, Editable):
         """
         require_known("get_campaign_data", filters)
         return self._save("frfs/data", file, FRF_SUFFIXES, format=file_format, **filters)
+
+
+def _named(sensors: Sequence[tuple[int, int]]) -> list[str]:
+    """Sensors as an address names them."""
+    return [f"{point}:{direction}" for point, direction in sensors]
 
 
 def _npz(filters: Mapping[str, Any]) -> dict[str, Any]:

@@ -59,6 +59,12 @@ def test_shakers_become_frfs_and_modes(api: httpx.Client) -> None:
     read = sent(api, campaign, file, mapping, kind="loads")
     assert (read["status"], read["kind"], read["counts"]["recordings"]) == ("succeeded", "loads", 1)
 
+    named = {"references": [{"point": 1, "direction": 3}]}
+    refused = ok(api.post(f"campaigns/{campaign}/processings", json=named), 422)
+    (fault,) = refused["errors"]
+    assert fault["pointer"] == "/references"
+    assert "every recording of the campaign has its loads" in fault["detail"]
+
     done = job(api, f"campaigns/{campaign}/processings", {})["result"]
     assert len(done["frfs"]) == 6
     (frf, *_) = ok(api.get(f"campaigns/{campaign}/frfs"))["items"]

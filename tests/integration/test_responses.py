@@ -171,6 +171,23 @@ def test_a_recording_becomes_modes_and_an_update(
     np.testing.assert_allclose(np.real(first["data"]), auto[0], rtol=1e-12)
     np.testing.assert_allclose(first["x"], lines)
     assert {s["func_type"] for s in sets[1:]} == {2, 3}
+    # responses for each unit of the first reference, which are no FRFs
+    address = f"recordings/{recording['id']}/transmissibility"
+    made = ok(api.get(address))
+    own = made["responses"].index(made["references"][0])
+    assert set(made["real"][own][0]) == {1.0}
+    assert set(made["coherence"][own]) == {1.0}
+    (fault,) = ok(api.get(address, params={"references": "99:3"}), 422)["errors"]
+    assert "99:3 is no reference of the spectra, which have " in fault["detail"]
+    rows = parquet_rows(api.get(address, params={"format": "parquet"}).content)
+    assert [row["imag"] for row in rows[: len(made["frequency_hz"])]] == made["imag"][0][0]
+    content = api.get(address, params={"format": "uff"}).content
+    tmp_path.joinpath("t.uff").write_bytes(content)
+    sets = [s for s in pyuff.UFF(str(tmp_path / "t.uff")).read_sets() if s["type"] == 58]
+    assert [s["func_type"] for s in sets] == [5, 6] * (len(made["responses"]) - 1)
+    sent_back = sent(campaign, tmp_path / "t.uff")
+    assert {d["reason"] for d in sent_back["datasets"] if "transmissibility" in str(d["reason"])}
+    assert sent_back["counts"]["frfs"] == 0
     at = {"frequency_hz": truth["modes"][0]["f_hz"]}
     deflection = ok(api.get(f"recordings/{recording['id']}/deflection", params=at))
     ods = np.array([[value["real"] + 1j * value["imag"] for value in deflection["shape"]]])

@@ -234,6 +234,7 @@ read    viewer  GET /campaigns/{campaign_id}/frfs, GET /campaigns/{campaign_id}/
 read    viewer  GET /frfs/{frf_id}/data, GET /campaigns/{campaign_id}/records, GET /records/{record_id}
 read    viewer  GET /campaigns/{campaign_id}/recordings, GET /recordings/{recording_id}
 read    viewer  GET /recordings/{recording_id}/spectra, GET /recordings/{recording_id}/deflection
+read    viewer  GET /recordings/{recording_id}/transmissibility
 read    viewer  GET /records/{record_id}/data, GET /campaigns/{campaign_id}/mode-sets, GET /mode-sets/{mode_set_id}
 
 jobs    editor  POST /campaigns/{campaign_id}/processings, POST /campaigns/{campaign_id}/identifications

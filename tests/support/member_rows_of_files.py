@@ -280,6 +280,9 @@ FILES: dict[str, Body] = {
     "GET /campaigns/{campaign_id}/recordings": Body(ids=WINDY),
     "GET /recordings/{recording_id}/spectra": Body(),
     "GET /recordings/{recording_id}/deflection": Body({"frequency_hz": 40}),
+    "GET /recordings/{recording_id}/transmissibility": Body(
+        {"references": To(["99:3"], status=422)}
+    ),
     "POST /campaigns/{campaign_id}/hit-decisions": Body(
         {
             "point": To(2, status=422),

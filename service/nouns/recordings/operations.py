@@ -91,6 +91,11 @@ def recordings_of(session: Session, campaign_id: UUID) -> Sequence[Recording]:
     return recording_for.all(session, campaign_id=[campaign_id])
 
 
+def has_loads(row: Recording) -> bool:
+    """Whether some channels of a recording are measured loads."""
+    return any(channel["quantity"] == "force" for channel in row.channels)
+
+
 @dataclass(frozen=True)
 class RecordingsHeld:
     """The recordings of a campaign."""
@@ -142,8 +147,7 @@ def load_recordings(
         path = workspace / f"{number}.recording"
         write_original(session, row.file_sha256, path)
         stated = {name: getattr(row, name) for name in ("id", "filename", "format", "mapping")}
-        loads = any(channel["quantity"] == "force" for channel in row.channels)
-        files.append(RecordingFile(**stated, path=path, samples=row.samples, loads=loads))
+        files.append(RecordingFile(**stated, path=path, samples=row.samples, loads=has_loads(row)))
     named = options.references
     references = None if named is None else tuple(Dof(d.point, d.direction) for d in named)
     return ResponseInputs(tuple(files), references, options.lag_s) if files else None

@@ -8,6 +8,7 @@ from uuid import UUID
 import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
+from pydantic import Field
 from sqlalchemy.orm import Session
 
 from fecore.frf import Dof
@@ -16,6 +17,7 @@ from modalbase.formats import uff
 from modalbase.formats.arrays_out import ARRAY_WRITERS
 from modalbase.formats.uff.write import encode
 from service.nouns.campaigns.operations import stored_points
+from service.nouns.recordings import transmissibility
 from service.nouns.recordings.operations import (
     Recording,
     arrays_of,
@@ -29,6 +31,7 @@ from service.nouns.recordings.schemas import (
     DeflectionOut,
     RecordingOut,
     SensorOut,
+    TransmissibilityOut,
 )
 from service.nouns.records.schemas import UNITS
 from service.platform.access import CurrentUser, SessionDep, api_router
@@ -54,6 +57,9 @@ MEDIA_TYPES = {
 }
 FILES: dict[int | str, dict[str, Any]] = {
     200: {"content": {each: {} for each in MEDIA_TYPES.values()}, "description": "The spectra."}
+}
+TRANSMISSIBILITIES: dict[int | str, dict[str, Any]] = {
+    200: {"content": {each: {} for name, each in MEDIA_TYPES.items() if name != "json"}}
 }
 AUTO, CROSS = 2, 3
 """Types of functions of set 58."""
@@ -82,6 +88,50 @@ def get_recording_spectra(
         ),
         MEDIA_TYPES[form],
         f"spectra.{'h5' if form == 'hdf5' else form}",
+        {"Vary": "Accept"},
+    )
+
+
+@router.get(
+    "/recordings/{recording_id}/transmissibility",
+    response_model=TransmissibilityOut,
+    responses=TRANSMISSIBILITIES,
+)
+def get_recording_transmissibility(
+    recording_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff: sets 58 of type 5, with coherence")],
+    references: Annotated[
+        list[Annotated[str, Field(pattern=r"^[0-9]{1,10}:-?[1-6]$")]] | None,
+        Query(
+            max_length=8,
+            description=(
+                "`point:direction` of responses among the references of the processing; default: the"
+                " first of them"
+            ),
+        ),
+    ] = None,
+) -> Any:
+    """What the responses of a recording without a load do for each unit of one or several of them,
+    with variance and multiple coherence: S_xr S_rr⁻¹. They are no FRFs, and no modes are found in
+    them.
+    """
+    row = recording_for(session, user, recording_id)
+    made = transmissibility.made_of(spectra_of_recording(session, row), references or ())
+    if form == "json":
+        return transmissibility.as_json(made)
+    points = stored_points(session, row.campaign_id)
+    columns = form == "parquet"
+    arrays = transmissibility.columns_of if columns else transmissibility.arrays_of
+    return spooled(
+        lambda file: (
+            transmissibility.write_uff(made, row.filename, points, file)
+            if form == "uff"
+            else ARRAY_WRITERS[form].write(arrays(made), file)
+        ),
+        MEDIA_TYPES[form],
+        f"transmissibility.{'h5' if form == 'hdf5' else form}",
         {"Vary": "Accept"},
     )
 

@@ -63,6 +63,24 @@ class DeflectionOut(StrictModel):
     shape: list[DeflectionOf]
 
 
+class TransmissibilityOut(StrictModel):
+    """What N responses do for each unit of R references, at L lines; all of the highest derivative
+    that a sensor measured.
+    """
+
+    frequency_hz: list[float] = Field(description="lines at which the references differ")
+    responses: list[SensorOut]
+    references: list[SensorOut]
+    real: list[list[list[float]]] = Field(description="N × R × L")
+    imag: list[list[list[float]]] = Field(description="N × R × L")
+    variance: list[list[list[float]]] = Field(
+        description="N × R × L, of the complex value; half of it in each part"
+    )
+    coherence: list[list[float]] = Field(description="N × L, multiple coherence")
+    averages: float = Field(description="independent segments")
+    warnings: list[str]
+
+
 class RecordingOut(StrictModel):
     """A recording of responses to loads that nobody measured; its samples stay in the file."""
 

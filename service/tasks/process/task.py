@@ -5,7 +5,7 @@ half spectra, and what it keeps.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from uuid import UUID
@@ -18,6 +18,7 @@ from service.compute.responses import EncodedSpectra
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs.operations import store_processed
 from service.nouns.recordings.operations import (
+    has_loads,
     keep_spectra,
     load_recordings,
     recordings_of,
@@ -52,22 +53,35 @@ def _load(session: Session, row: Processing, workspace: Path) -> Measured:
             "campaign",
             "has neither time blocks of hits nor recordings of responses; import some first",
         )
-    _require_used(options, hits is not None, responses is not None)
+    alone = [not each.loads for each in responses.recordings] if responses else []
+    _require_used(options, hits is not None, alone)
     return Measured(hits, responses)
 
 
-def _require_used(options: CampaignProcessingIn, hits: bool, responses: bool) -> None:
+def _require_used(options: CampaignProcessingIn, hits: bool, alone: Sequence[bool]) -> None:
     """Refuse what is stated and not used.
 
+    Args:
+        options: what is stated.
+        hits: whether the campaign has such.
+        alone: of each recording, whether it is of responses alone.
+
     Raises:
-        InputError: it is of hits, or of responses, and the campaign has none.
+        InputError: it is of hits, or of responses, and the campaign has none; or references are
+            stated, and every recording has its loads.
     """
     for stated, there, what in (
         (options.of_hits, hits, "hits"),
-        (options.of_responses, responses, "recordings of responses"),
+        (options.of_responses, alone, "recordings of responses"),
     ):
         if stated and not there:
             raise InputError(stated[0], f"is of {what}, and the campaign has none; leave it out")
+    if options.references is not None and not any(alone):
+        raise InputError(
+            "references",
+            "are of recordings of responses alone, and every recording of the campaign has its"
+            " loads, which are the references; leave it out",
+        )
 
 
 def _store(
@@ -101,9 +115,10 @@ def start_processing(
     body.processing()  # a wrong choice is refused before it is queued
     if body.overrules:
         decisions(body.overrules, hits_in(block_rows(session, campaign.id).values()))
-    hits, responses = has_records(session, campaign.id), bool(recordings_of(session, campaign.id))
-    if hits or responses:  # else an import may be on its way; the job says so
-        _require_used(body, hits, responses)
+    hits = has_records(session, campaign.id)
+    alone = [not has_loads(row) for row in recordings_of(session, campaign.id)]
+    if hits or alone:  # else an import may be on its way; the job says so
+        _require_used(body, hits, alone)
     require_room(session, campaign_for.project_of(session, campaign))
     return PROCESSINGS.start(session, user, new_processing(campaign.id, body))
 
