@@ -266,6 +266,7 @@ _ROWS = (
         marks=(b"\x89HDF\r\n\x1a\n",),
         needs=(Dependency("h5py", "h5py", "server"),),
         arrays="records.hdf5:hdf5_arrays",
+        texts="statements:array_texts",
         parts="records.hdf5:open_hdf5",
         frfs="frfs.hdf5:read_hdf5",
         own_names="frfs.hdf5:own_names",
@@ -324,6 +325,7 @@ _ROWS = (
         suffixes=(".mf4", ".mdf", ".mf3"),
         marks=(b"MDF     ", b"UnFinMF "),
         needs=(Dependency("asammdf", "asammdf", "mdf"),),
+        texts="records.mdf:mdf_texts",
         recording="records.mdf:read_mdf_head",
     ),
 )

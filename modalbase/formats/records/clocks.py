@@ -4,7 +4,6 @@ begin and end together, others are refused by name.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from datetime import datetime
 from typing import ClassVar
 
 import numpy as np
@@ -23,7 +22,6 @@ class OwnClocks(ABC):
     lengths: dict[str, int]
     full_scale: ClassVar[None] = None
     rate: ClassVar[str] = SAMPLE_RATE
-    started_at: datetime | None = None
     sample_bytes: ClassVar[int] = 4
     start_stated_by: ClassVar[str]
     """What states where a channel begins, for messages."""

@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -58,7 +57,7 @@ class Mdf(OwnClocks):
         channels: of numbers, by name.
         lengths: samples of each.
         clocks: names of the time channels of the groups that have one.
-        started_at: when the file says that it begins.
+        began: when the file says that it begins, s since 1970 in UTC.
         declared: whether the file was closed, and holds what it says.
     """
 
@@ -66,7 +65,7 @@ class Mdf(OwnClocks):
     channels: dict[str, Channel]
     lengths: dict[str, int]
     clocks: dict[int, str]
-    started_at: datetime | None = None
+    began: float | None = None
     declared: bool = True
     axes: dict[int, TimeAxis] = field(default_factory=dict, compare=False)  # those that were read
 
@@ -196,9 +195,16 @@ def read_mdf_head(path: Path) -> Mdf:
             channels,
             {name: _cycles(file, each.group) for name, each in channels.items()},
             clocks,
-            file.header.start_time,
+            file.header.start_time.timestamp(),
             declared,
         )
+
+
+def mdf_texts(path: Path, _most_bytes: int) -> dict[str, str]:
+    """When a file begins, with the zone that it states, and the units of its channels."""
+    with _opened(path) as file:
+        units = {f"{name} unit": each.unit for name, each in _channels(file).items() if each.unit}
+        return {**units, "start time": file.header.start_time.isoformat()}
 
 
 @contextmanager

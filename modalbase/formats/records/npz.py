@@ -54,7 +54,7 @@ class NpzRecording:
     channels: dict[str, Channel]
     small: Variables
 
-    full_scale, declared, started_at = None, True, None
+    full_scale, declared = None, True
 
     @property
     def names(self) -> list[str]:

@@ -11,7 +11,6 @@ file's name, `point_4.wav`; without an order all hits are at the point of the fo
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import PurePosixPath
 from typing import Any, Protocol
 
@@ -58,10 +57,6 @@ class AnyRecording(Protocol):
     def rate(self) -> str | None:
         """Name of the single number that is its sampling rate."""
 
-    @property
-    def started_at(self) -> datetime | None:
-        """When the file says that it begins."""
-
     def shapes(self) -> dict[str, str]:
         """Type and shape of each channel."""
 
@@ -87,7 +82,7 @@ class Arrays:
 
     variables: Variables
     units: dict[str, str] = field(default_factory=dict)
-    full_scale, declared, started_at = None, True, None
+    full_scale, declared = None, True
 
     @property
     def rate(self) -> str | None:

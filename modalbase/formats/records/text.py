@@ -26,7 +26,7 @@ class TextRecording:
     """
 
     table: TextTable
-    full_scale, declared, started_at = None, True, None
+    full_scale, declared = None, True
 
     @property
     def names(self) -> list[str]:

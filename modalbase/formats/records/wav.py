@@ -45,7 +45,6 @@ class Wav:
     declared: bool = True
 
     rate = SAMPLE_RATE
-    started_at = None
 
     def notes(self, _: Sequence[str]) -> list[str]:
         """Nothing is noticed of its channels."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from fecore.errors import InputError
@@ -77,7 +76,6 @@ class FileDescription:
     table: dict[str, Any] | None = None  # how a table of text was read
     counted: bool = False  # hit numbers were only counted in the file
     notes: list[str] = field(default_factory=list)  # what the reader noticed
-    performed_at: datetime | None = None  # when it says that it begins
 
 
 def read_arrays(
@@ -159,14 +157,7 @@ def _without_mapping(inputs: ReadingInputs, form: str) -> FileDescription:
     of_responses = proposed_responses(file, file.names, None)
     if of_responses is not None and of_responses[1]:
         known, proposed = "responses", of_responses[0]
-    return FileDescription(
-        form,
-        cast("Kind", known),
-        shapes,
-        proposed,
-        notes=_starts(file),
-        performed_at=file.started_at,
-    )
+    return FileDescription(form, cast("Kind", known), shapes, proposed, notes=_starts(file))
 
 
 def responses_of(
@@ -194,8 +185,8 @@ def responses_of(
         if not inputs.dry_run:
             why = f"is missing; ?dry_run=true proposes one; the file suggests {proposed}"
             raise Invalid("/mapping", why)
-        described_ = FileDescription(form, kind, file.shapes(), proposed, notes=_starts(file))
-        yield replace(described_, table=table_of(file), performed_at=file.started_at)
+        table = table_of(file)
+        yield FileDescription(form, kind, file.shapes(), proposed, table=table, notes=_starts(file))
         return
     recording, own, notes = _faults_as(
         _dotted, lambda: read_responses(inputs.path, stated, form, limit, kind)

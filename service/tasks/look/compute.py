@@ -132,7 +132,6 @@ def _gathered(items: Any) -> FileLook:
         counts=counts,
         refused=tuple(refused),
         notes=tuple(description.notes),
-        performed_at=description.performed_at,
     )
 
 

@@ -53,18 +53,18 @@ def _load(session: Session, row: Processing, workspace: Path) -> Measured:
             "campaign",
             "has neither time blocks of hits nor recordings of responses; import some first",
         )
-    alone = [not each.loads for each in responses.recordings] if responses else []
-    _require_used(options, hits is not None, alone)
+    undriven = [not each.loads for each in responses.recordings] if responses else []
+    _require_used(options, hits is not None, undriven)
     return Measured(hits, responses)
 
 
-def _require_used(options: CampaignProcessingIn, hits: bool, alone: Sequence[bool]) -> None:
+def _require_used(options: CampaignProcessingIn, hits: bool, undriven: Sequence[bool]) -> None:
     """Refuse what is stated and not used.
 
     Args:
         options: what is stated.
         hits: whether the campaign has such.
-        alone: of each recording, whether it is of responses alone.
+        undriven: of each recording, whether it is of responses alone.
 
     Raises:
         InputError: it is of hits, or of responses, and the campaign has none; or references are
@@ -72,11 +72,11 @@ def _require_used(options: CampaignProcessingIn, hits: bool, alone: Sequence[boo
     """
     for stated, there, what in (
         (options.of_hits, hits, "hits"),
-        (options.of_responses, alone, "recordings of responses"),
+        (options.of_responses, undriven, "recordings of responses"),
     ):
         if stated and not there:
             raise InputError(stated[0], f"is of {what}, and the campaign has none; leave it out")
-    if options.references is not None and not any(alone):
+    if options.references is not None and not any(undriven):
         raise InputError(
             "references",
             "are of recordings of responses alone, and every recording of the campaign has its"
@@ -116,9 +116,9 @@ def start_processing(
     if body.overrules:
         decisions(body.overrules, hits_in(block_rows(session, campaign.id).values()))
     hits = has_records(session, campaign.id)
-    alone = [not has_loads(row) for row in recordings_of(session, campaign.id)]
-    if hits or alone:  # else an import may be on its way; the job says so
-        _require_used(body, hits, alone)
+    undriven = [not has_loads(row) for row in recordings_of(session, campaign.id)]
+    if hits or undriven:  # else an import may be on its way; the job says so
+        _require_used(body, hits, undriven)
     require_room(session, campaign_for.project_of(session, campaign))
     return PROCESSINGS.start(session, user, new_processing(campaign.id, body))
 

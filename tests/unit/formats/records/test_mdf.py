@@ -71,8 +71,7 @@ def test_samples_units_and_start_are_those_that_were_written(
     assert recognise(path, "x.csv") == "mdf"
     head = read_mdf_head(path)
     assert (head.names, head.units) == (NAMES, {"2/force": "kN", "2/acc": "g"})
-    assert head.started_at is not None
-    assert head.started_at.timestamp() == STARTED.timestamp()
+    assert head.began == STARTED.timestamp()
     assert head.rate_of(NAMES, SAMPLE_RATE) == pytest.approx(
         RATE, rel=1e-9
     )  # of a mean step in float64
