@@ -73,6 +73,20 @@ def hdf5_arrays(path: Path, limit_bytes: int | None) -> Variables:
         return arrays | attributes(file)
 
 
+def hdf5_texts(path: Path, _most_bytes: int) -> dict[str, str]:
+    """Texts of attributes and datasets, by name; no array of numbers is read for them."""
+    with opened(path) as file:
+        stated = attributes(file)
+        for name, dataset in datasets(file):
+            if dataset.dtype.kind in "OS" and (values := whole(name, dataset)) is not None:
+                stated[name] = values
+    return {
+        name: "\n".join(map(str, np.ravel(array)))
+        for name, array in stated.items()
+        if array.dtype.kind == "U"
+    }
+
+
 class Hdf5Recording(NpzRecording):
     """The heads of the datasets of an HDF5, which are channels and columns as those of an npz are."""
 

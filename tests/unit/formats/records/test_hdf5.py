@@ -3,6 +3,7 @@
 import contextlib
 import sys
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ def hdf5(path: Path, data: np.ndarray = DATA, **more: Any) -> Path:
         daq = file.create_dataset("daq/data", data=data, **more)
         daq.attrs["units"], daq.attrs["rate"] = "g", RATE
         file["daq/gain"] = np.arange(3.0)
-        file.attrs["rig"] = "north"
+        file.attrs["measured_on"] = "2026-05-04 03:02:01"
     return path
 
 
@@ -69,6 +70,7 @@ def test_a_mapping_names_attributes_and_a_unit_that_contradicts_is_refused(tmp_p
             kind="responses",
         )
     look = look_at(path, "a.h5", "responses")
+    assert look.performed_at == datetime(2026, 5, 4, 3, 2, 1)
     assert [c["unit"] for c in look.mapping["channels"]] == ["g", "g", "g", None]
 
 
