@@ -14,16 +14,15 @@ In the order of the data:
 - `shapes`: residues to shapes; two modes under one pole.
 - `result`: what an identification hands on, and what a user should know of it.
 - `identify`: `identify`, all of it in numbered steps, and `shapes_at_poles` for known poles.
-- `output_only`: modes of responses to loads that nobody measured.
-- `measured_loads`: modes of FRFs of any measured load, with errors from blocks of the recording.
+- `recordings`: modes of responses to loads that nobody measured, and of FRFs of any measured load,
+  with errors from blocks of the recording.
 """
 
 from fecore.modal.arrangement import set_with_gaps
 from fecore.modal.identify import Options, StatedPole, identify, shapes_at_poles
 from fecore.modal.judge import Feature, RefusedPole
-from fecore.modal.measured_loads import identify_measured_loads
-from fecore.modal.output_only import OutputOnly, identify_output_only
 from fecore.modal.prepare import Refused
+from fecore.modal.recordings import OutputOnly, identify_measured_loads, identify_output_only
 from fecore.modal.result import Identification, IdentifiedPoles, Stabilisation
 from fecore.modal.shapes import Shapes, phase_collinearity, turn_real
 

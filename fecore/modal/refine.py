@@ -43,7 +43,6 @@ from fecore.errors import IdentificationError
 from fecore.modal.arrangement import MANY, Arrangement
 from fecore.modal.judge import HARDLY, Growth, plausible
 from fecore.modal.series import (
-    DAMPING_RANGE,
     NEAR,
     VAGUE,
     WHOLE,
@@ -446,7 +445,7 @@ def _least_misfit(
         step[both] = own
         try:
             trial = linear_fit(
-                arrangement, moved(fit.terms, step), fit.variance, fit.weights, fit.background
+                arrangement, fit.terms.moved(step), fit.variance, fit.weights, fit.background
             )
         except IdentificationError:  # a term has no weight there: a shorter step
             trial = fit
@@ -459,16 +458,6 @@ def _least_misfit(
             if damping > 1e8:
                 break
     return fit, slopes
-
-
-def moved(terms: Terms, step: FloatArray) -> Terms:
-    """Terms after a step in (ln ω, ζ); damping stays within its physical range."""
-    n = terms.pairs
-    return replace(
-        terms,
-        frequency_hz=terms.frequency_hz * np.exp(step[:n]),
-        damping_ratio=np.clip(terms.damping_ratio + step[n:], *DAMPING_RANGE),
-    )
 
 
 def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> PoleFit:

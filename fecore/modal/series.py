@@ -102,6 +102,15 @@ class Terms:
         tone = self.half_bandwidth_hz < _TONE * spacing_hz
         return replace(self, frequency_hz=self.frequency_hz * np.where(tone, 1.0, 1 + drift))
 
+    def moved(self, step: FloatArray) -> Terms:
+        """Terms after a step in (ln ω, ζ); damping stays within its physical range."""
+        n = self.pairs
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz * np.exp(step[:n]),
+            damping_ratio=np.clip(self.damping_ratio + step[n:], *DAMPING_RANGE),
+        )
+
     @property
     def parameters(self) -> int:
         """Number of non-linear parameters: frequency and damping of each pair."""

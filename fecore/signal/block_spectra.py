@@ -64,6 +64,16 @@ class BlockSpectra:
         whole: ComplexArray = np.einsum("g,gnrl->nrl", self.weights, self.blocks)
         return whole
 
+    def pairs(
+        self, columns: Sequence[Dof]
+    ) -> tuple[ComplexArray, tuple[Dof, ...], tuple[Dof, ...]]:
+        """(N R, L) the mean, pair by pair, those of a response side by side; the response of each,
+        and its reference by the name that it has in `columns`.
+        """
+        n, r, lines = self.mean.shape
+        of_each = tuple(dof for dof in self.responses for _ in columns)
+        return self.mean.reshape(n * r, lines), of_each, tuple(columns) * n
+
 
 class Groups:
     """Sums over groups of consecutive blocks, of which there are `BLOCKS` to twice as many where

@@ -103,15 +103,8 @@ class HalfSpectra(BlockSpectra):
                 place of a force, others in each recording and nowhere a driving point: each
                 reference of each setup is a column of its own.
         """
-        n, r = len(self.responses), len(self.references)
-        columns = tuple(column_of(dof, setup) for dof in self.references)
-        return FrfSet(
-            self.frequency_hz,
-            self.mean.reshape(n * r, -1),
-            tuple(dof for dof in self.responses for _ in columns),
-            columns * n,
-            "mobility",
-        )
+        columns = [column_of(dof, setup) for dof in self.references]
+        return FrfSet(self.frequency_hz, *self.pairs(columns), "mobility")
 
 
 def column_of(reference: Dof, setup: int) -> Dof:

@@ -95,15 +95,15 @@ class LoadFrfs(BlockSpectra):
 
     def frfs(self, *, with_variance: bool = True) -> FrfSet:
         """FRFs pair by pair, those of a response side by side."""
-        n, r = len(self.responses), len(self.references)
+        values, responses, references = self.pairs(self.references)
         return FrfSet(
             self.frequency_hz,
-            self.mean.reshape(n * r, -1),
-            tuple(dof for dof in self.responses for _ in self.references),
-            self.references * n,
+            values,
+            responses,
+            references,
             self.quantity,
-            variance=self.variance.reshape(n * r, -1) if with_variance else None,
-            measured=np.tile(self.separable, (n, 1)),
+            variance=self.variance.reshape(values.shape) if with_variance else None,
+            measured=np.tile(self.separable, (len(self.responses), 1)),
         )
 
 

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from fecore.body.constants import Body, Parameter
 from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
-from fecore.modal.output_only import without_window
+from fecore.modal.recordings import without_window
 from fecore.modes import MeasuredModes
 from fecore.signal import HalfSpectra
 from fecore.updating.campaigns import CampaignsRecipe, Coupon, usual_parameters

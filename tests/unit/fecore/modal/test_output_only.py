@@ -13,7 +13,7 @@ import scipy
 from fecore.correlation import mac
 from fecore.errors import InputError
 from fecore.frf import along_z
-from fecore.modal.output_only import OutputOnly, identify_output_only, without_window
+from fecore.modal.recordings import OutputOnly, identify_output_only, without_window
 from fecore.modes import MeasuredModes
 from fecore.signal.half_spectra import HalfSpectra, half_spectra
 

@@ -11,7 +11,7 @@ from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import identify
 from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.refine import ErrorModel, PoleFit, memory, moved, refine, shared_error
+from fecore.modal.refine import ErrorModel, PoleFit, memory, refine, shared_error
 from fecore.modal.series import Terms, columns, mean_weight, orthonormal, spectrum
 from fecore.modal.shapes import PairModes, PairProblem
 from fecore.normal import Z_95
@@ -162,7 +162,7 @@ def test_what_the_data_do_not_determine_is_vague_and_spoils_nothing_else() -> No
 
 def test_a_step_keeps_damping_where_it_means_something() -> None:
     terms = Terms(np.array([100.0, 200.0]), np.array([0.01, 0.02]), (0,))
-    after = moved(terms, np.array([0.1, -0.1, 2.0, -2.0]))
+    after = terms.moved(np.array([0.1, -0.1, 2.0, -2.0]))
     assert after.frequency_hz == pytest.approx(
         np.array([100.0, 200.0]) * np.exp([0.1, -0.1]), rel=1e-12
     )

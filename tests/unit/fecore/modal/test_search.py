@@ -12,7 +12,7 @@ from fecore.modal import identify
 from fecore.modal.arrangement import arrange, split_sides
 from fecore.modal.candidates import linear_poles
 from fecore.modal.prepare import leakage, line_scatter
-from fecore.modal.refine import moved, refine
+from fecore.modal.refine import refine
 from fecore.modal.series import Terms
 from fecore.updating.misfit import residual_variance
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
@@ -26,7 +26,7 @@ def test_gradient_and_information_against_differences() -> None:
     fit = refine(arrangement, start, variance, steps=0)
 
     def chi(step: np.ndarray) -> float:
-        return refine(arrangement, moved(start, step), variance, steps=0).chi_squared
+        return refine(arrangement, start.moved(step), variance, steps=0).chi_squared
 
     units = np.eye(start.parameters) * 1e-6
     numeric = np.array([(chi(u) - chi(-u)) / 2e-6 for u in units])
@@ -36,7 +36,7 @@ def test_gradient_and_information_against_differences() -> None:
     true = Terms(np.append(PAPER_HZ, ABOVE_HZ), np.append(PAPER_ZETA, ABOVE_ZETA), (0,))
     best = refine(clean, true, variance, steps=0)
     step = 1e-6 * np.random.default_rng(1).standard_normal(true.parameters)
-    moved_chi = refine(clean, moved(true, step), variance, steps=0).chi_squared
+    moved_chi = refine(clean, true.moved(step), variance, steps=0).chi_squared
     assert moved_chi == pytest.approx(step @ best.information @ step, rel=1e-3)
 
 

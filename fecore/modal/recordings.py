@@ -1,9 +1,12 @@
-"""Modes of responses to loads that nobody measured.
+"""Modes of recordings: of responses to loads that nobody measured, and of FRFs of measured loads.
 
 `identify` takes half spectra (`fecore.signal.half_spectra`) as mobilities. What differs is what is
 known beforehand.
 
-Errors: all lines and pairs share the same few blocks. About the poles θ̂ of the fit, with residues
+Errors: all lines and pairs share the same few blocks. A segment of measured loads holds what is left
+of the response to earlier ones, a free decay of the same modes: line by line this looks like noise
+at each resonance, and hardly moves a pole. So poles are found as where no variance is known, and
+their errors are what the groups of blocks move them by. About the poles θ̂ of the fit, with residues
 and residual terms eliminated, the estimate of least squares changes with the spectra by
 
     θ̂ - θ = G (S⁺ - S̄⁺),   G = (JᵀWJ)⁻¹JᵀW,   cov θ = Σ_b δθ_b δθ_bᵀ,   δθ_b = w_b G (S⁺_b - S̄⁺)/(1 - h_b),
@@ -30,7 +33,7 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.findings import Finding, make, remark
-from fecore.frf import POWER_OF_I_OMEGA, Dof
+from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet
 from fecore.modal.arrangement import pair_label
 from fecore.modal.identify import Options, Report, identify
 from fecore.modal.result import Identification, IdentifiedPoles
@@ -38,6 +41,7 @@ from fecore.modal.series import columns, derivatives, slope_parts, stacked
 from fecore.modes import MeasuredModes
 from fecore.signal.block_spectra import BlockSpectra
 from fecore.signal.half_spectra import HalfSpectra, column_of, needed_s
+from fecore.signal.measured_loads import LoadFrfs
 
 _NEARER_A_SINE = -0.5  # spectral kurtosis
 _STEADY = 0.1  # of the window's rate: a mode's decay beside it that is hardly any
@@ -86,10 +90,8 @@ def identify_output_only(
     """Natural frequencies, damping ratios and unscaled shapes from half spectra.
 
     1. Identify: the half spectra of all setups as FRFs, the unknown loads of each apart.
-    2. Errors: from the scatter of the blocks.
-    3. Window: its rate is taken out of the poles.
-    4. Harmonics: parted from the modes.
-    5. Findings: those that hold without a force, and which recording is short.
+    2. Harmonics: parted from the modes.
+    3. Findings: those that hold without a force, and which recording is short.
 
     Args:
         setups: of one recording, or of several that have references in common.
@@ -103,15 +105,10 @@ def identify_output_only(
     setups = (setups,) if isinstance(setups, HalfSpectra) else tuple(setups)
     _check(setups)
     # 1. Identify.
-    identification = identify(
-        [setup.frfs(number) for number, setup in enumerate(setups)], options, report
-    )
-    # 2. Errors.
-    covariance = scatter_of_blocks(identification, setups)
-    # 3. Window.
+    frfs = [setup.frfs(number) for number, setup in enumerate(setups)]
+    identification, poles = _by_blocks(setups, frfs, options, report)
     before = identification.found
-    poles = without_window(before.modes, covariance, setups[0].window_rate_per_s)
-    # 4. Harmonics.
+    # 2. Harmonics.
     sines = _sines(poles.frequency_hz, poles.damping_ratio, setups, poles.damping_sd)
     if sines.all():
         raise IdentificationError(
@@ -122,7 +119,7 @@ def identify_output_only(
     harmonics = tuple(
         sorted([*poles.frequency_hz[sines].tolist(), *_refused_sines(identification, setups)])
     )
-    # 5. Findings.
+    # 3. Findings.
     names = _names(before, kept, ~sines, setups)
     notes = (
         *(finding("harmonic", hz=hz) for hz in harmonics),
@@ -133,6 +130,51 @@ def identify_output_only(
     return OutputOnly(
         replace(identification, found=kept, notes=notes, used=used, harmonics_hz=harmonics)
     )
+
+
+def identify_measured_loads(
+    recordings: LoadFrfs | Sequence[LoadFrfs],
+    options: Options | None = None,
+    report: Report = lambda _stage, _share: None,
+) -> Identification:
+    """Natural frequencies, damping ratios and shapes from FRFs of measured loads.
+
+    Args:
+        recordings: of one structure, one or several.
+        options: as of `identify`.
+        report: as of `identify`.
+
+    Raises:
+        InputError: no recording, or windows of different rates.
+        IdentificationError: no mode is supported.
+    """
+    recordings = (recordings,) if isinstance(recordings, LoadFrfs) else tuple(recordings)
+    rates = sorted({each.window_rate_per_s for each in recordings})
+    if len(rates) != 1:
+        raise InputError(
+            "recordings",
+            f"carry windows of {', '.join(f'{rate:.3g}' for rate in rates) or 'no rate'} per second,"
+            " expected one of all; state `lag_s`",
+        )
+    frfs = [each.frfs(with_variance=False) for each in recordings]
+    identification, poles = _by_blocks(recordings, frfs, options, report)
+    found = replace(identification.found, modes=poles)
+    return replace(identification, found=found, window_taken_out_per_s=rates[0])
+
+
+def _by_blocks(
+    recordings: Sequence[BlockSpectra],
+    frfs: Sequence[FrfSet],
+    options: Options | None,
+    report: Report,
+) -> tuple[Identification, MeasuredModes]:
+    """What the FRFs of recordings show, and its poles with the covariance that the scatter of the
+    blocks shows, without the window's rate.
+    """
+    identification = identify(frfs, options, report)
+    covariance = scatter_of_blocks(identification, recordings)
+    rate = recordings[0].window_rate_per_s
+    return identification, without_window(identification.found.modes, covariance, rate)
 
 
 def _check(setups: Sequence[HalfSpectra]) -> None:
