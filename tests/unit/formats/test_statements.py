@@ -27,7 +27,10 @@ WORDS = {
     "acc_sensitivity": "10.2 mV/g",
 }
 SAMPLES = np.arange(100.0)
-LVM = "LabVIEW Measurement\nSeparator\tTab\nDate\t2025/06/02\t2025/06/02\nTime\t10:05:00.25\nHammer\t086C03\nSensor serial\tLW1234\n"
+LVM = (
+    "LabVIEW Measurement\nSeparator\tTab\nDate\t2025/06/02\t2025/06/02\nTime\t10:05:00.25\n"
+    "Hammer\t086C03\nSensor serial\tLW1234\n"
+)
 
 
 def npz(path: Path) -> None:
