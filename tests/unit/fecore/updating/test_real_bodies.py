@@ -103,11 +103,11 @@ def test_a_free_specimen_stated_as_clamped_lacks_the_lowest_mode() -> None:
     is missing shows it.
     """
     body = measured(Truth(boundary="free"), NOMINAL, np.random.default_rng(1))
-    short = replace(body, frfs=body.frfs.band(5.0, 720.0))
-    result = update(short, replace(STATED, divisions=(20, 2)), RAYLEIGH)
+    short, lowest = (replace(body, frfs=body.frfs.band(5.0, hz)) for hz in (720.0, 560.0))
+    result = update(lowest, replace(STATED, divisions=(20, 2)), RAYLEIGH)
     assert result.verdict.level == "do_not_use"
     assert re.match(
-        r"the model has modes at 29\.\d+ Hz, 2\d\d\.\d+ Hz that the FRFs should show",
+        r"the model has modes at 29\.\d+ Hz, [23]\d\d\.\d+ Hz that the FRFs should show",
         result.verdict.reasons[0],
     )
     centre = [row for row, dof in enumerate(body.frfs.references) if body.points[dof.point][1] == 0]
