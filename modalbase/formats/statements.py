@@ -51,10 +51,10 @@ def texts_in(path: Path, form: str, most_bytes: int) -> Texts:
         FormatError: it cannot be read.
     """
     row = FORMATS.get(form)
-    said = load(row.texts)(path, most_bytes) if row and row.texts else {}
+    own = load(row.texts)(path, most_bytes) if row and row.texts else {}
     return {
         _plain(name): text
-        for name, value in said.items()
+        for name, value in own.items()
         if 0 < len(text := " ".join(str(value).split())) <= _MOST
     }
 
@@ -72,12 +72,12 @@ def table_texts(path: Path, _most_bytes: int) -> Texts:
         above = itertools.islice(file, min(table.layout.first_line - 1, _MOST_LINES))
         lines = [line.strip(" \t\r\n#%;,") for line in above]
     parts = (re.split(r"\s*[:=;,\t]\s*", line, maxsplit=1) for line in lines)
-    said = {}
+    texts = {}
     for name, *rest in parts:
         cells = {cell.strip('" ') for cell in re.split(r"[;\t]", "".join(rest))} - {""}
         if len(cells) == 1:  # LabVIEW says it once for each column
-            said[name.strip('"')] = cells.pop()
-    return said
+            texts[name.strip('"')] = cells.pop()
+    return texts
 
 
 def array_texts(path: Path, most_bytes: int) -> Texts:
@@ -96,13 +96,13 @@ def performed_at(texts: Texts) -> datetime | None:
     """
     clocks = {text for name, text in texts.items() if _TIME.fullmatch(name)}
     clocks = {clock for clock in map(_whole, clocks) if _CLOCK_ALONE.fullmatch(clock)}
-    found = set()
+    dates = set()
     for name, text in texts.items():
         if _WHEN.fullmatch(name) and (at := date_in(text)) is not None:
             midnight = (at.hour, at.minute, at.second) == (0, 0, 0)
             with_clock = date_in(f"{text} {min(clocks)}") if midnight and len(clocks) == 1 else None
-            found.add(with_clock or at)
-    return found.pop() if len(found) == 1 else None
+            dates.add(with_clock or at)
+    return dates.pop() if len(dates) == 1 else None
 
 
 def _whole(text: str) -> str:
@@ -137,15 +137,15 @@ def instruments(texts: Texts) -> dict[str, str]:
     >>> instruments({"hammer": "086C03", "sensor_serial": "LW1234"})
     {'hammer/model': '086C03', 'sensor/serial': 'LW1234'}
     """
-    found: dict[str, set[str]] = {}
+    members: dict[str, set[str]] = {}
     for name, text in texts.items():
         for instrument, words in _INSTRUMENTS.items():
             match = re.fullmatch(rf"(?:{words})(?:_(?P<kind>.+))?", name)
             kind = match and (match["kind"] or "model")
             for member, ways in _KINDS.items():
                 if kind and re.fullmatch(ways, kind):
-                    found.setdefault(f"{instrument}/{member}", set()).add(text)
-    return {member: values.pop() for member, values in found.items() if len(values) == 1}
+                    members.setdefault(f"{instrument}/{member}", set()).add(text)
+    return {member: values.pop() for member, values in members.items() if len(values) == 1}
 
 
 def with_sensitivities(mapping: dict[str, Any], texts: Texts) -> dict[str, Any]:
@@ -153,8 +153,8 @@ def with_sensitivities(mapping: dict[str, Any], texts: Texts) -> dict[str, Any]:
     channels = []
     for channel in mapping.get("channels", []):
         own = _plain(str(channel["variable"]))
-        said = next((texts[f"{own}_{word}"] for word in ("sensitivity", "sens")
+        stated = next((texts[f"{own}_{word}"] for word in ("sensitivity", "sens")
                      if f"{own}_{word}" in texts), "")  # fmt: skip
-        in_volts = str(channel.get("unit") or "").endswith("V") and _SENSITIVITY.fullmatch(said)
-        channels.append({**channel, "sensitivity": said} if in_volts else channel)
+        in_volts = str(channel.get("unit") or "").endswith("V") and _SENSITIVITY.fullmatch(stated)
+        channels.append({**channel, "sensitivity": stated} if in_volts else channel)
     return {**mapping, "channels": channels} if channels else mapping

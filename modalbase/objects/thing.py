@@ -237,7 +237,7 @@ class Editable(Thing):
         self._call("DELETE", headers={"If-Match": "*"})
 
 
-class Attachment(Thing):
+class Attachment(Editable):
     """A file beside a project, structure, campaign, update or monitor."""
 
     noun = Kind("attachment", "attachments/{}", "{}/attachments")

@@ -44,7 +44,7 @@ class FormField:
 
     name: str  # JSON pointer of its value without the first slash
     label: str  # in words
-    # `number`, `whole`, `text`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, `table`
+    # `number`, `whole`, `text`, `list`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, …
     kind: str
     help: str = ""  # what the contract says of it
     default: Any = None  # its value where nothing is said
@@ -137,7 +137,7 @@ class _Schema:
             )
         if item.get("type") == "object":
             return FormField(kind="table", fields=self.members(item, ""), **common)
-        return FormField(kind="numbers", **common)
+        return FormField(kind="list" if item.get("type") == "string" else "numbers", **common)
 
     def _resolved(self, node: Mapping[str, Any]) -> Mapping[str, Any]:
         while "$ref" in node:
@@ -196,6 +196,7 @@ OWN_LABELS = {
     "sensor_point": "Sensor at grid point",
     "window_rate_per_s": "Exponential window, 1/τ [1/s]",
     "serial": "Serial number",
+    "campaigns": "Campaigns of the baseline",
 }
 """Where people call a member otherwise than its name does."""
 
@@ -252,7 +253,7 @@ def page_words(text: str | None) -> str:
         # a constant is called so
         if name in _members() and name not in CONSTANTS and (marked or "_" in name):
             return f"“{_members()[name]}”"
-        return match[0].strip("`") if marked else match[0]
+        return match[0].strip("`")
 
     plain = _CALL.sub("this page", _PARENTHESIS.sub("", text or ""))
     return (

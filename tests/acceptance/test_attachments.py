@@ -40,10 +40,13 @@ def test_what_is_dropped_is_shown_and_can_be_removed(
         page = signed_in(seen, key, "/ui/keys")
         for noun in nouns:
             page.goto(f"/ui/{noun}/{ids[noun]}")
-            page.fill("[data-attached] [name=caption]", "from the left")
             page.set_input_files("[data-attached] [type=file]", [image, other])
             page.wait_for_selector(f".attached a:has-text('{other.name}')")
-            shown = page.locator(".attached img[alt='from the left']")
+            with page.expect_response(lambda answer: answer.request.method == "PATCH") as changed:
+                page.fill(f"[aria-label='Caption of {image.name}']", "from behind")
+                page.press(f"[aria-label='Caption of {image.name}']", "Tab")
+            assert changed.value.status == 200
+            shown = page.locator(".attached img[alt='from behind']")
             shown.wait_for()
             shown.scroll_into_view_if_needed()
             page.wait_for_function("document.querySelector('.attached img').naturalWidth === 400")

@@ -62,6 +62,7 @@ def test_every_noun_has_attachments(
     assert len(ok(api.get("search/attachments", params=words))["items"]) == 5
     storage = f"projects/{project.id}/storage"
     assert ok(api.get(storage))["parts"]["attachments"] == 5 * len(photo())
+    assert made.change(caption="from behind").fields["caption"] == "from behind"
     made.delete()
     assert update.attachments() == []
     assert ok(api.get(storage))["parts"]["attachments"] == 4 * len(photo())

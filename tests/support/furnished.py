@@ -272,6 +272,7 @@ read    viewer  GET /monitors/{monitor_id}/series/rows, GET /monitors/{monitor_i
 write   editor  POST /projects/{project_id}/attachments, POST /structures/{structure_id}/attachments
 write   editor  POST /campaigns/{campaign_id}/attachments, POST /update-jobs/{update_job_id}/attachments
 write   editor  POST /monitors/{monitor_id}/attachments, DELETE /attachments/{attachment_id}
+write   editor  PATCH /attachments/{attachment_id}
 read    viewer  GET /projects/{project_id}/attachments, GET /structures/{structure_id}/attachments
 read    viewer  GET /campaigns/{campaign_id}/attachments, GET /update-jobs/{update_job_id}/attachments
 read    viewer  GET /monitors/{monitor_id}/attachments
@@ -292,6 +293,7 @@ role), operations.
 
 BODIES: dict[str, Any] = {
     "PUT /laboratory": {"name": "l"},
+    "PATCH /attachments/{attachment_id}": {"caption": "c"},
     "POST /projects": {"name": "p"},
     "PATCH /projects/{project_id}": {"name": "p"},
     "PUT /projects/{project_id}/members/{member}": {"role": "viewer"},

@@ -341,7 +341,8 @@ class Furnishing:
         for noun in ATTACHED:
             for name in ("a.txt", "b.txt"):
                 path = f"{noun.replace('_', '-')}s/{{{noun}_id}}/attachments"
-                self.made(path, content=name.encode(), headers=RAW, params={"filename": name})
+                sent = {"content": name.encode(), "headers": RAW, "params": {"filename": name}}
+                self.make("attachment_id", path, **sent)
 
     def alarm(self, state: str = "alarm") -> str:
         """An alarm of the monitor, which otherwise takes many campaigns; a parameter has one that

@@ -143,6 +143,7 @@ def _attachments(noun: str) -> dict[str, Body]:
 
 THINGS: dict[str, Body] = {
     **{name: body for noun in ATTACHED for name, body in _attachments(noun).items()},
+    "PATCH /attachments/{attachment_id}": Body({"caption": NEW}, {"caption": "c"}),
     "PUT /laboratory": Body({"name": NEW, "address": "Test hall {n}"}, {}),
     "POST /projects": Body(
         {"name": NEW, "description": "x", **LABELS, "unless_named": unless_named("project_id")},

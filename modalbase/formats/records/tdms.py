@@ -108,14 +108,14 @@ def read_tdms_head(path: Path) -> Tdms:
 def tdms_texts(path: Path, _most_bytes: int) -> dict[str, str]:
     """Properties of a TDMS and of its channels, by their names; a channel's begin with its own."""
     with _opened(path) as file, _broken():
-        said = {name: str(value) for name, value in file.properties.items()}
+        texts = {name: str(value) for name, value in file.properties.items()}
         starts = []
         for name, channel in _channels(file).items():
             for own, value in channel.properties.items():
-                said |= {f"{name} {own}": str(value), f"{channel.name} {own}": str(value)}
+                texts |= {f"{name} {own}": str(value), f"{channel.name} {own}": str(value)}
             if (start := channel.properties.get("wf_start_time")) is not None:
                 starts.append(np.datetime64(start, "s"))
-        return said | ({"wf_start_time": f"{min(starts)}Z"} if starts else {})
+        return texts | ({"wf_start_time": f"{min(starts)}Z"} if starts else {})
 
 
 def _opened(path: Path) -> Any:

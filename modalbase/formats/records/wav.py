@@ -152,21 +152,21 @@ def read_wav_head(path: Path) -> Wav:
 
 def wav_texts(path: Path, _most_bytes: int) -> dict[str, str]:
     """When a wav was recorded, as its chunk of broadcasters (`bext`) or its list `INFO` says."""
-    said = {}
+    texts = {}
     with path.open("rb") as file:
         order: Literal["little", "big"] = "big" if file.read(12)[:4] == b"RIFX" else "little"
         while len(head := file.read(8)) == 8:
             length, begin = int.from_bytes(head[4:], order), file.tell()
             if head[:4] == b"bext":
                 own = file.read(min(length, 338))
-                said["recording date"] = _words(own[320:330]) + " " + _words(own[330:338])
+                texts["recording date"] = _words(own[320:330]) + " " + _words(own[330:338])
             elif head[:4] == b"LIST" and (own := file.read(min(length, _MOST_WORDS))):
                 while len(own := own[4:]) > 8:
                     size = int.from_bytes(own[4:8], order)
-                    said[_words(own[:4])] = _words(own[8 : 8 + size])
+                    texts[_words(own[:4])] = _words(own[8 : 8 + size])
                     own = own[4 + size + size % 2 :]
             file.seek(begin + length + length % 2)
-    return said
+    return texts
 
 
 def _words(raw: bytes) -> str:

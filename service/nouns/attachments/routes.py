@@ -27,7 +27,7 @@ from service.platform.access import CurrentUser, Lookup, SessionDep, User, api_r
 from service.platform.access.lookup import Role, projects
 from service.platform.access.nouns import NounRoutes
 from service.platform.errors import Invalid, NotFound
-from service.platform.web import StrictModel
+from service.platform.web import RequestModel, StrictModel, Text, example
 from service.platform.web.downloads import disposition, spooled
 from service.platform.web.json_body import refuse_unstorable_text
 from service.platform.web.openapi import reads, upload
@@ -54,6 +54,14 @@ class AttachmentOut(StrictModel):
     size: int = Field(description="bytes")
     sha256: str
     created_at: datetime
+
+
+class CaptionIn(RequestModel):
+    """What is changed of an attachment."""
+
+    model_config = example(caption="the clamp from the left, before the test")
+
+    caption: Text = Field(max_length=500, description="what it shows; empty: nothing is said")
 
 
 def describe(rows: Sequence[Attachment]) -> Iterator[AttachmentOut]:
@@ -224,6 +232,18 @@ def get_attached_file(
     return not_modified(request, headers) or spooled(
         lambda file: copy_original(session, row.sha256, file), row.media_type, row.name, headers
     )
+
+
+@router.patch("/attachments/{attachment_id}")
+def caption_attachment(
+    attachment_id: UUID, body: CaptionIn, session: SessionDep, user: CurrentUser
+) -> AttachmentOut:
+    """Give a file another caption."""
+    find, row = attachment_for(session, user, attachment_id, "editor")
+    find.note(session, user, row, "change", caption=body.caption)
+    row.caption = body.caption
+    session.flush()
+    return of_nouns["project_id"].shown(session, row)
 
 
 @router.delete("/attachments/{attachment_id}", status_code=204)

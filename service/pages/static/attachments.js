@@ -6,44 +6,49 @@ for (const box of document.querySelectorAll("[data-attached]")) {
   const path = `${box.dataset.attached}/attachments`;
   const list = box.querySelector("ul");
   const input = box.querySelector("[type=file]");
-  const element = (name, more) => Object.assign(document.createElement(name), more);
   const show = async () => {
     const { items } = await call("GET", path);
     list.replaceChildren(
       ...items.map((one) => {
         const href = rest(`attachments/${one.id}/file`);
-        const link = element("a", { href, target: "_blank", rel: "noopener" });
-        const row = element("li");
-        if (one.media_type.startsWith("image/"))
-          link.append(element("img", { src: href, alt: one.caption || one.name, loading: "lazy" }));
-        else link.textContent = one.name;
-        const words = [one.caption || (link.textContent ? "" : one.name), bytesOf(one.size)];
-        row.append(link, element("small", { textContent: words.filter(Boolean).join(", ") }));
-        if (input) {
-          const look = { type: "button", className: "plain", ariaLabel: `Remove ${one.name}` };
-          const remove = element("button", { ...look, textContent: "Remove" });
-          remove.addEventListener("click", async () => {
-            if (!(await agreed(`Remove ${one.name} for good?`, "Remove"))) return;
-            await call("DELETE", `attachments/${one.id}`).catch((problem) => say(problem.detail));
-            show();
-          });
-          row.append(remove);
-        }
+        const { id, name, caption, size } = one;
+        const image = one.media_type.startsWith("image/");
+        const seen = image
+          ? made("img", { src: href, alt: caption || name, loading: "lazy" })
+          : name;
+        const words = [!input && (caption || (image && name)), bytesOf(size)];
+        const row = made(
+          "li",
+          {},
+          made("a", { href, target: "_blank", rel: "noopener" }, seen),
+          made("small", {}, words.filter(Boolean).join(", ")),
+        );
+        if (!input) return row;
+        const change = (sent) => sent.catch((problem) => say(problem.detail)).then(show);
+        const own = { value: caption, placeholder: "Caption", maxLength: 500 };
+        own.ariaLabel = `Caption of ${name}`;
+        own.onchange = ({ target: { value } }) =>
+          change(send("PATCH", `attachments/${id}`, { caption: value }));
+        const onclick = async () => {
+          if (await agreed(`Remove ${name} for good?`, "Remove"))
+            change(call("DELETE", `attachments/${id}`));
+        };
+        const look = { type: "button", className: "plain", ariaLabel: `Remove ${name}`, onclick };
+        row.append(made("input", own), made("button", look, "Remove"));
         return row;
       }),
     );
   };
   show().catch((problem) => say(problem.detail));
   input?.addEventListener("change", async () => {
-    const caption = box.querySelector("[name=caption]");
     for (const one of [...input.files]) {
       try {
-        await sendFile(path, one, one.name, [["caption", caption.value]]);
+        await sendFile(path, one, one.name, []);
       } catch (problem) {
         say(`${one.name}: ${problem.detail}`);
       }
     }
-    caption.value = input.value = box.querySelector("output").textContent = "";
+    input.value = box.querySelector("output").textContent = "";
     show();
   });
 }

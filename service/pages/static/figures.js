@@ -140,10 +140,6 @@ function draw(place, figure) {
       layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
 }
-const get = (path) =>
-  call("GET", path).catch((problem) => {
-    throw new Error(problem.detail ?? problem.message);
-  });
 const address = (figure) =>
   figure.dataset.query
     ? withQuery(figure.dataset.figure, figure.dataset.query)
@@ -205,7 +201,7 @@ function files(figure) {
   const path = address(figure);
   list.replaceChildren(
     ...["svg", "png", "pdf"].map((format) => {
-      const href = document.documentElement.dataset.root + "api/v1/" + withQuery(path, { format });
+      const href = rest(withQuery(path, { format }));
       return made("a", { href, download: "" }, format.toUpperCase());
     }),
   );
@@ -317,9 +313,7 @@ for (const box of document.querySelectorAll("[data-over-time]")) {
       }),
     }).then(() =>
       place.on("plotly_click", ({ points: [point] }) =>
-        location.assign(
-          document.documentElement.dataset.root + "ui/update-jobs/" + point.customdata,
-        ),
+        location.assign(at("ui/update-jobs/" + point.customdata)),
       ),
     );
   };

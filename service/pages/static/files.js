@@ -162,7 +162,7 @@ function askMissing() {
   const missing = document.querySelectorAll(".asks :is(input, select, textarea):required:invalid");
   const sent = looked.filter(({ facts }) => !facts.refused).length;
   form.querySelector("[type=submit]").textContent =
-    (sent ? `Import ${sent} file${sent === 1 ? "" : "s"}` : "Store the test") +
+    (files.length ? `Import ${sent} file${sent === 1 ? "" : "s"}` : "Store the test") +
     (looked.length && missing.length ? `: ${missing.length} missing` : "");
 }
 const thenUpdate = (form) => {

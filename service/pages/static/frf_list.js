@@ -203,10 +203,7 @@ function tableLine(texts) {
   return line;
 }
 async function fetched(path) {
-  const answer = await fetch(
-    new URL(document.documentElement.dataset.root + "api/v1/" + path, location.href),
-    { headers: { Accept: "application/x-npz" } },
-  );
+  const answer = await fetch(rest(path), { headers: { Accept: "application/x-npz" } });
   if (!answer.ok) throw new Error((await answer.json()).detail);
   return FrfData.curveOf(await answer.arrayBuffer());
 }

@@ -25,6 +25,10 @@ function valueIn(status, text) {
   if (status >= 400) throw value ?? { detail: `status ${status}` };
   return value;
 }
+const get = (path) =>
+  call("GET", path).catch((problem) => {
+    throw new Error(problem.detail ?? problem.message);
+  });
 /* Numbers that are probably in another unit are sent again where a person says that they are meant.
  */
 async function meant(path, sent) {

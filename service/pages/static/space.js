@@ -2,10 +2,6 @@
    there. Loaded by a page that has a place for it; the drawing itself is fetched when that place
    comes into sight. */
 const AXES = ["x", "y", "z"];
-const theme = (name) =>
-  getComputedStyle(document.documentElement)
-    .getPropertyValue("--" + name)
-    .trim();
 const COLORS = ["text", "hint", "measured", "initial", "updated", "care", "bad", "good"];
 /* Of sets: they differ in lightness too (Okabe and Ito). */
 const SETS = [
@@ -19,11 +15,6 @@ const SETS = [
   "#8a8f96",
 ];
 
-const address = (path) => new URL(document.documentElement.dataset.root + path, location.href);
-const ask = (path) =>
-  call("GET", path).catch((problem) => {
-    throw new Error(problem.detail ?? problem.message);
-  });
 const number = (value, digits = 3) => Number(value.toPrecision(digits)).toString();
 const counted = (count, one, many = one + "s") => `${count} ${count === 1 ? one : many}`;
 
@@ -74,7 +65,7 @@ class Viewer {
     this.place = place;
     this.part = (name) => place.querySelector(`[data-space-${name}]`);
     this.quiet = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.colors = { ...Object.fromEntries(COLORS.map((name) => [name, theme(name)])), sets: SETS };
+    this.colors = { ...Object.fromEntries(COLORS.map((name) => [name, css("--" + name)])), sets: SETS };
     this.state = { amplitude: 0.5, phase: 0, speed: 1, running: false };
     this.shapes = [];
     this.asked = new URLSearchParams(location.search);
@@ -86,7 +77,7 @@ class Viewer {
     const { dataset } = this.place;
     try {
       const [three, geometry, drawing, frame, bars] = await Promise.all(
-        dataset.modules.trim().split(/\s+/).map((path) => import(address(path).href)),
+        dataset.modules.trim().split(/\s+/).map((path) => import(at(path))),
       );
       this.geometry = geometry;
       this.scene = bars ? await this.bars(bars) : await this.structure();
@@ -105,7 +96,7 @@ class Viewer {
     this.place.dataset.ready = this.space ? "webgl" : "still";
   }
   async bars(geometry) {
-    const { mesh, said, colors } = geometry.barsOf(await ask(this.place.dataset.bars));
+    const { mesh, said, colors } = geometry.barsOf(await get(this.place.dataset.bars));
     this.colors.sets = colors;
     return sceneOf(mesh, said);
   }
@@ -114,13 +105,13 @@ class Viewer {
   async structure() {
     const { result, mesh, points } = this.place.dataset;
     this.said = result
-      ? await ask(`${result}/mesh`)
+      ? await get(`${result}/mesh`)
       : points
         ? JSON.parse(document.getElementById(points).textContent)
         : null;
     let found = result ? this.said : null;
     try {
-      if (mesh) found = await ask(mesh);
+      if (mesh) found = await get(mesh);
     } catch (error) {
       if (!this.said?.points.length) throw error;
     }
@@ -303,7 +294,7 @@ class Viewer {
       .filter(([, value]) => value);
     const found = await Promise.all(
       wanted.map(([side, value]) =>
-        ask(`${this.place.dataset.result}/mesh/shapes?${side}=${value}`),
+        get(`${this.place.dataset.result}/mesh/shapes?${side}=${value}`),
       ),
     );
     const words = found
@@ -318,7 +309,7 @@ class Viewer {
   /* A measured mode of a test's mode sets. */
   async setOf({ set: id, number: which }) {
     await this.latest(
-      ask(`mode-sets/${id}`).then((set) => {
+      get(`mode-sets/${id}`).then((set) => {
         const mode = set.modes.find((m) => m.number === which);
         const shape = shapeOf(mode.shape, this.said);
         const words = `${set.name}, mode ${mode.number}: ${number(mode.frequency_hz, 5)} Hz`;
@@ -377,7 +368,7 @@ class Viewer {
   async distances(button) {
     button.disabled = true;
     try {
-      const found = await ask(`campaigns/${this.place.dataset.campaign}/alignment`);
+      const found = await get(`campaigns/${this.place.dataset.campaign}/alignment`);
       const of = new Map(found.items.map((item) => [item.label, item]));
       for (const point of this.scene.points) {
         const item = of.get(point.label);

@@ -80,8 +80,8 @@ def _title(operation: Node) -> str:
     """What a docstring begins with, which is written to be the title: up to its first sign that is
     no comma, or where that is too long up to a comma.
     """
-    described = operation["description"].replace("\n", " ")
-    whole = re.split(r"[.;:](?: |$)", described)[0]
+    text = operation["description"].replace("\n", " ")
+    whole = re.split(r"[.;:](?: |$)", text)[0]
     return whole if len(whole) <= _LONGEST_TITLE else whole.split(", ")[0]
 
 
