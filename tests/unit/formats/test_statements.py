@@ -5,6 +5,7 @@ are; and that nothing is taken which could mean two things.
 from datetime import UTC, datetime
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from nptdms import ChannelObject, RootObject, TdmsWriter
@@ -66,14 +67,28 @@ def wav(path: Path) -> None:
         file.write(b"bext" + len(chunk).to_bytes(4, "little") + chunk)
 
 
-@pytest.mark.parametrize("make", [npz, mat, csv, lvm, tdms, wav])
+def hdf5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["force"], file["acc"] = SAMPLES, SAMPLES
+        file.attrs.update(WORDS)
+
+
+def mdf(path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf", reason="the extra mdf is not installed")
+    with asammdf.MDF() as file:
+        file.append(asammdf.Signal(SAMPLES, SAMPLES / 1e3, name="force"))
+        file.header.start_time = AT.replace(tzinfo=UTC)
+        file.save(path.with_suffix(".mf4")).rename(path)
+
+
+@pytest.mark.parametrize("make", [npz, mat, csv, lvm, tdms, wav, hdf5, mdf])
 def test_a_file_says_when_and_with_what_it_was_measured(make, tmp_path: Path) -> None:
     path = tmp_path / f"hit.{make.__name__}"
     make(path)
     texts = texts_in(path, make.__name__.replace("lvm", "csv"), 1 << 20)
-    assert performed_at(texts) == (AT.replace(tzinfo=UTC) if make is tdms else AT)
+    assert performed_at(texts) == (AT.replace(tzinfo=UTC) if make in (tdms, mdf) else AT)
     said = {"hammer/model": "086C03", "sensor/serial": "LW1234"}
-    assert instruments(texts) == ({} if make is wav else said)
+    assert instruments(texts) == ({} if make in (wav, mdf) else said)
 
 
 def test_what_could_mean_two_things_is_left_out() -> None:
