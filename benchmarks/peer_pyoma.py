@@ -4,9 +4,8 @@
 
 The file has `x` (channels, samples), `rate` and `f`, the true frequencies. SSI (covariance-driven,
 40 block rows, orders to 60) finds its modes by the clustering that pyOMA-2 names after Reynders.
-Where a user clicks, as both SSI and pLSCF offer it, they start from the true frequencies and give the
-nearest pole of one order: 60 and 30. JSON goes out: for each, modes as [f, ζ], and processor
-seconds.
+Where a user clicks, the true frequencies are clicked, and SSI gives the nearest pole of order 60.
+JSON goes out: for each, modes as [f, ζ], and processor seconds.
 """
 
 import json
@@ -14,7 +13,7 @@ import sys
 import time
 
 import numpy as np
-from pyoma2.algorithms import SSI, pLSCF  # type: ignore[import-not-found]
+from pyoma2.algorithms import SSI  # type: ignore[import-not-found]
 from pyoma2.algorithms.data.run_params import Clustering  # type: ignore[import-not-found]
 from pyoma2.setup import SingleSetup  # type: ignore[import-not-found]
 
@@ -35,11 +34,6 @@ def main(path: str) -> None:
     modes = np.column_stack([np.ravel(judged.Fn), np.ravel(judged.Xi)]).tolist()
     answer["SSI, clustered"] = modes, time.process_time() - begin
     answer["SSI, clicked"] = _clicked(setup, "SSI", f, order_in=60), time.process_time() - begin
-    begin = time.process_time()
-    setup = SingleSetup(x.T, rate)
-    setup.add_algorithms(pLSCF(name="pLSCF", ordmax=30, nxseg=4096))
-    setup.run_by_name("pLSCF")
-    answer["pLSCF, clicked"] = _clicked(setup, "pLSCF", f, order=30), time.process_time() - begin
     sys.stdout.write("\n" + json.dumps(answer))
 
 

@@ -84,6 +84,7 @@ def candidates_of(
     rows = dated_campaigns(session, monitor.structure_id, monitor.since, among)
     facts = _Facts(session, [row.id for row in rows])
     candidates: list[Candidate] = []
+    earlier: dict[object, UUID] = {}  # by FRFs and by moment, the campaign that counts
     for row in rows:
         mode_set = facts.mode_set(row, monitor)
         candidates.append(
@@ -94,7 +95,7 @@ def candidates_of(
                 fingerprint=facts.fingerprint(row, mode_set),
                 mode_set=mode_set,
                 complete=facts.complete(row, now - settle, monitor),
-                objection=_objection(row, facts, monitor, mode_set, candidates),
+                objection=_objection(row, facts, monitor, mode_set, earlier),
             )
         )
     return candidates
@@ -117,9 +118,9 @@ def _objection(
     facts: _Facts,
     monitor: Monitor,
     mode_set: UUID | None,
-    earlier: Sequence[Candidate],
+    earlier: dict[object, UUID],
 ) -> str | None:
-    """What is wrong with a campaign, seen beside those before it."""
+    """What is wrong with a campaign, seen beside those before it, to which it is added."""
     if not facts.has_input(row, monitor):
         return (
             "the campaign has no FRFs"
@@ -136,16 +137,17 @@ def _objection(
             "the campaign has no mode set that was typed in or came with a file, which this monitor"
             " takes its modes from"
         )
-    for other in earlier:
-        if other.objection is not None:
-            continue
-        if other.measured is not None and other.measured == facts.frfs.get(row.id, (None,))[0]:
-            return f"holds the same FRFs as campaign {other.campaign.id}; a measurement counts once"
-        if other.campaign.performed_at == row.performed_at:
-            return (
-                f"was performed at the same moment as campaign {other.campaign.id}; correct one of"
-                " the dates"
-            )
+    measured = facts.frfs.get(row.id, (None,))[0]
+    if measured in earlier:
+        return f"holds the same FRFs as campaign {earlier[measured]}; a measurement counts once"
+    if row.performed_at in earlier:
+        return (
+            f"was performed at the same moment as campaign {earlier[row.performed_at]}; correct one"
+            " of the dates"
+        )
+    earlier[row.performed_at] = row.id
+    if measured is not None:
+        earlier[measured] = row.id
     return None
 
 
