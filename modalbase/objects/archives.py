@@ -382,6 +382,8 @@ class _Import:
         archive, listed = self.archive, f"{folder}/recordings.json"
         for one in archive.json(listed) if archive.has(listed) else ():
             original = f"{folder}/recordings/{_id(one)}/original"
+            if not archive.has(original):  # deleted by a retention rule
+                continue
             with archive.unpacked(original, Path(one["filename"]).name) as file:
                 campaign.import_file(file, kind="responses", mapping=one["mapping"])
             self.ids[_id(one)] = campaign.recordings()[-1].id

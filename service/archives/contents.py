@@ -239,8 +239,9 @@ def _write_recordings(session: Session, archive: Archive, folder: str, campaign_
     shown = described_recordings(session, rows)
     archive.json(f"{folder}/recordings.json", shown)
     for row, each in zip(rows, shown, strict=True):
-        with archive.member(f"{folder}/recordings/{row.id}/original") as file:
-            copy_original(session, row.file_sha256, file)
+        if row.bytes_deleted_at is None:
+            with archive.member(f"{folder}/recordings/{row.id}/original") as file:
+                copy_original(session, row.file_sha256, file)
         if each.spectra is not None:
             with archive.member(f"{folder}/recordings/{row.id}/spectra.npz") as file:
                 write_npz(arrays_of(spectra_of_recording(session, row)), file)
@@ -310,7 +311,8 @@ def write_hits(session: Session, archive: Archive, folder: str, campaign_id: UUI
     each channel.
     """
     rows: list[dict[str, Any]] = []
-    stored = session.scalars(query_of(campaign_id).order_by("id")).all()
+    listed = session.scalars(query_of(campaign_id).order_by("id"))
+    stored = [row for row in listed if row.bytes_deleted_at is None]
     for number, hits in enumerate(_alike(stored), 1):
         path = f"{folder}/hits/{number}"
         channels = {

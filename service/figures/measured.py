@@ -29,10 +29,10 @@ from service.figures.modes import MOST_MODES, ShapePair, mac_figure, shapes_figu
 from service.nouns.campaigns.operations import campaign_of, frame_of
 from service.nouns.frfs.data import Cut, make_tables, specimen_points
 from service.nouns.modes.operations import load_modes
-from service.nouns.records.operations import block_rows, samples_of
+from service.nouns.records.operations import block_rows, emptied_at, samples_of
 from service.nouns.records.processings import newest_document
 from service.nouns.records.schemas import HitOut
-from service.platform.errors import Conflict, NotFound
+from service.platform.errors import Conflict, NotFound, require_bytes
 
 if TYPE_CHECKING:
     from service.nouns.frfs.operations import Frf
@@ -74,6 +74,7 @@ def point_blocks(session: Session, campaign_id: UUID, chosen: HitQuery) -> Point
 
     Raises:
         NotFound: the campaign has no hits there; says where it has some.
+        Gone: a retention rule has emptied all of its time blocks.
     """
     places = block_rows(session, campaign_id, None if chosen.point is None else {chosen.point})
     matches = [
@@ -82,6 +83,7 @@ def point_blocks(session: Session, campaign_id: UUID, chosen: HitQuery) -> Point
         if chosen.point in (None, place[0]) and chosen.direction in (None, place[1])
     ]
     if not matches:
+        require_bytes("time blocks", emptied_at(session, campaign_id))
         known = [_name(Dof(*place)) for place in sorted(block_rows(session, campaign_id))]
         there = f"; there are hits at {', '.join(known)}" if known else "; it has no time blocks"
         raise NotFound(f"hit{_where(chosen)} in this campaign{there}")

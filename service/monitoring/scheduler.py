@@ -1,4 +1,5 @@
-"""The scheduler starts the runs and judgements that monitors are due. Each worker process has one.
+"""The scheduler starts the runs and judgements that monitors are due, and applies retention rules.
+Each worker process has one.
 
 It looks when a job has ended or somebody has asked for something, and at every monitor now and
 then, so that a lost notice, a late campaign or a schedule's time is seen too. It holds no state:
@@ -22,6 +23,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from service.monitoring.runs import Moment, bring_up_to_date, take_over
+from service.nouns.imports.retention import apply_rules
 from service.nouns.monitors.runs import newest_series
 from service.nouns.monitors.watching import REQUESTED, held, next_time, watching
 from service.nouns.notifications.sender import Sender
@@ -58,7 +60,7 @@ class _Scheduler:
     def __init__(self, sessions: Sessions, settings: Settings, sender: Sender) -> None:
         self._sessions, self._settings, self._sender = sessions, settings, sender
         self._settle = timedelta(seconds=settings.campaign_settle_seconds)
-        self._sweep_at = 0.0
+        self._sweep_at = self._retention_at = 0.0
         self._whole_at: dict[UUID, float] = {}  # when all campaigns are due to be looked at
         self._changed: set[UUID] = set()
         self._lock = threading.Lock()
@@ -88,11 +90,25 @@ class _Scheduler:
                 self._sweep()
             elif changed:
                 self._check_all(self._concerned(changed))
+            if time.monotonic() >= self._retention_at:
+                self._retention_at = time.monotonic() + self._settings.retention_sweep_seconds
+                self._apply_retention()
         except SQLAlchemyError as error:
             log.warning(
                 "the database does not answer; trying again", error=str(error).split("\n", 1)[0]
             )
-        return max(0.0, self._sweep_at - time.monotonic())
+        return max(0.0, min(self._sweep_at, self._retention_at) - time.monotonic())
+
+    def _apply_retention(self) -> None:
+        left = True
+        try:
+            while left and not self._thread.ending.is_set():
+                with self._sessions.begin() as session:
+                    left = apply_rules(session, datetime.now(UTC)) > 0
+        except SQLAlchemyError:
+            raise
+        except Exception:
+            log.exception("retention rules could not be applied; they are tried again later")
 
     def _sweep(self) -> None:
         with self._sessions() as session:

@@ -197,6 +197,7 @@ OWN_LABELS = {
     "window_rate_per_s": "Exponential window, 1/τ [1/s]",
     "serial": "Serial number",
     "campaigns": "Campaigns of the baseline",
+    "retention_days": "Files are kept [days]",
 }
 """Where people call a member otherwise than its name does."""
 

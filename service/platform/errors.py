@@ -5,6 +5,7 @@
     ├── Unauthorized           no key, or not a valid one
     ├── Forbidden              you see it but may not do this
     ├── Conflict               contradicts what is stored
+    ├── Gone                   bytes that a retention rule has deleted
     ├── Invalid                the input is wrong; lists every fault with its JSON pointer
     │   └── Unusual            it is possible, and probably in another unit
     ├── PayloadTooLarge        more bytes than the operator allows
@@ -29,6 +30,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime
 
 MOST_FAULTS = 50
 """Faults of one input that are listed; of more, their number is said."""
@@ -179,6 +181,29 @@ class NotAcceptable(ServiceError):
 
 class PreconditionFailed(ServiceError):
     """The thing was changed since the version that If-Match names."""
+
+
+def deleted_by_rule(what: str, when: datetime) -> str:
+    """That bytes are gone.
+
+    >>> deleted_by_rule("original", datetime(2026, 3, 2))
+    'original deleted by the retention rule on 2026-03-02'
+    """
+    return f"{what} deleted by the retention rule on {when:%Y-%m-%d}"
+
+
+class Gone(ServiceError):
+    """Bytes were deleted by a retention rule; what was made of them stays."""
+
+
+def require_bytes(what: str, deleted_at: datetime | None) -> None:
+    """Refuse to give bytes that are gone.
+
+    Raises:
+        Gone: they are.
+    """
+    if deleted_at is not None:
+        raise Gone(deleted_by_rule(what, deleted_at))
 
 
 class PreconditionRequired(ServiceError):

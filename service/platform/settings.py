@@ -177,6 +177,9 @@ class Settings(BaseSettings):
     monitor_sweep_seconds: PositiveFloat = Field(
         default=30.0, description="pause between two looks at every monitor"
     )
+    retention_sweep_seconds: PositiveFloat = Field(
+        default=600.0, description="pause between two looks at what retention rules delete"
+    )
     campaign_settle_seconds: float = Field(
         default=30.0,
         ge=0,

@@ -101,6 +101,7 @@ STRUCTURE_ROWS: dict[str, Any] = {
     ),
     "pieces": [{"from_m": 0.1, "to_m": 0.2, "thickness_m": 0.012}],
     "shape": To(ANGLE["shape"], drop=("geometry", "material")),
+    "retention_days": 365,
     "confirm": To(True, beside={"density_kg_m3": 2.0}, without=422),
     **LABELS,
 }

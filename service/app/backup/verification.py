@@ -27,7 +27,13 @@ sent.
 """
 
 _CHUNKS = "SELECT sha256, data FROM original_chunks ORDER BY sha256, number"
-_SIZES = "SELECT sha256, size FROM originals"
+_SIZES = (
+    "SELECT sha256, size FROM originals WHERE to_jsonb(originals) ->> 'bytes_deleted_at' IS NULL"
+)
+"""A schema of an earlier version has no such column, and no retention rule."""
+
+
+_DELETED = "bytes_deleted_at IS NOT NULL"
 
 
 def find_damage(connection: Connection) -> list[str]:
@@ -47,6 +53,20 @@ def find_damage(connection: Connection) -> list[str]:
     if "original_chunks" in tables:
         checks.append(_wrong_originals(connection))
     return sorted(name for check in checks for name in check)
+
+
+def deleted_by_rules(connection: Connection) -> str:
+    """How much retention rules have deleted, in words; empty where it is nothing."""
+    counts = [
+        int(connection.scalar(text(f"SELECT count(*) FROM {table} WHERE {_DELETED}")) or 0)
+        for table in ("originals", "records")
+    ]
+    files, blocks = counts
+    return (
+        f"{files} files and {blocks} time blocks were deleted by retention rules"
+        if any(counts)
+        else ""
+    )
 
 
 def _wrong_digests(

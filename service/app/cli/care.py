@@ -76,7 +76,7 @@ def verify(data: Data = None) -> None:
     """Compare every stored spectrum, curve and original file with its SHA-256; exit 1 where one is
     damaged.
     """
-    from service.app.backup.verification import find_damage
+    from service.app.backup.verification import deleted_by_rules, find_damage
     from service.platform.db.opening import opened_engine
     from service.platform.db.schema import require_known
 
@@ -85,7 +85,9 @@ def verify(data: Data = None) -> None:
         engine.connect() as connection,
     ):
         require_known(connection)
-        damaged = find_damage(connection)
+        damaged, deleted = find_damage(connection), deleted_by_rules(connection)
+    if deleted:
+        typer.echo(deleted)
     if damaged:
         stop_with("\n  ".join([f"{len(damaged)} damaged; restore them from a backup:", *damaged]))
     typer.echo("every spectrum, curve and file has its SHA-256")

@@ -53,6 +53,7 @@ class Import(Base):
     datasets: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     warnings: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     trace_lines: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True), deferred=True)
+    bytes_deleted_at: Mapped[datetime | None]  # of its file, by a retention rule
 
 
 REPORT_BYTES = func.pg_column_size(Import.datasets)
@@ -68,9 +69,13 @@ def new_import(**stated: Any) -> Import:
 
 def has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
     """Whether an import into the campaign has brought this file already, be it a dry run or one
-    that failed.
+    that failed, and no retention rule has deleted it.
     """
-    query = select(Import.id).where(Import.campaign_id == campaign.id, Import.sha256 == sha256)
+    query = select(Import.id).where(
+        Import.campaign_id == campaign.id,
+        Import.sha256 == sha256,
+        Import.bytes_deleted_at.is_(None),
+    )
     return session.scalars(query.limit(1)).first() is not None
 
 
@@ -147,10 +152,11 @@ def remove_import(session: Session, user: User, row: Import) -> None:
     book(session, campaign_for, campaign, "records", -remove_records(session, row.id))
     book(session, campaign_for, campaign, "spectra", -remove_recordings(session, row.id))
     remove_mode_sets(session, row.id)
+    there = row.bytes_deleted_at is None
     size = original_sizes(session, [row.sha256])[row.sha256]
     session.delete(row)
     session.flush()
-    if not has_file(session, campaign, row.sha256):
+    if there and not has_file(session, campaign, row.sha256):
         book(session, campaign_for, campaign, "files", -size)
     session.delete(job)
     session.flush()

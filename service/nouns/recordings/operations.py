@@ -12,7 +12,17 @@ from typing import Any, TypeVar
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import ForeignKey, Index, LargeBinary, Select, delete, func, literal, select
+from sqlalchemy import (
+    ForeignKey,
+    Index,
+    LargeBinary,
+    Select,
+    delete,
+    func,
+    literal,
+    select,
+    update,
+)
 from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by, insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -27,7 +37,7 @@ from service.nouns.storage import book
 from service.nouns.storage.originals import write_original
 from service.platform.access import Lookup
 from service.platform.db.base import Base, Big, Identified
-from service.platform.errors import Conflict
+from service.platform.errors import Conflict, deleted_by_rule
 from service.platform.web import shown_as
 
 
@@ -46,6 +56,7 @@ class Recording(Identified, Base):
     samples: Mapped[Big]
     channels: Mapped[list[Any]] = mapped_column(JSONB)
     file_sha256: Mapped[bytes]
+    bytes_deleted_at: Mapped[datetime | None]  # of its file, by a retention rule
 
 
 class StoredSpectra(Base):
@@ -138,12 +149,43 @@ def remove_recordings(session: Session, import_id: UUID) -> int:
     return int(gone)
 
 
+def imports_without_spectra(campaigns: Select[UUID]) -> Select[UUID]:
+    """Keys of imports into some campaigns of recordings that no processing has seen, as part of a
+    query.
+    """
+    return (
+        select(Recording.import_id)
+        .outerjoin(StoredSpectra, StoredSpectra.recording_id == Recording.id)
+        .where(Recording.campaign_id.in_(campaigns), StoredSpectra.recording_id.is_(None))
+    )
+
+
+def delete_recorded(session: Session, import_ids: Sequence[UUID], now: datetime) -> None:
+    """Note that the files of recordings, by their imports, are deleted; spectra stay."""
+    own = Recording.import_id.in_(import_ids)
+    session.execute(update(Recording).where(own).values(bytes_deleted_at=now))
+
+
+def require_files(rows: Sequence[Recording]) -> None:
+    """Refuse to read recordings anew whose file is gone.
+
+    Raises:
+        Conflict: a retention rule has deleted one.
+    """
+    for row in rows:
+        if row.bytes_deleted_at is not None:
+            why = deleted_by_rule("original", row.bytes_deleted_at)
+            raise Conflict(f"recording {row.filename} cannot be read anew: {why}; its spectra stay")
+
+
 def load_recordings(
     session: Session, campaign_id: UUID, workspace: Path, options: CampaignProcessingIn
 ) -> ResponseInputs | None:
     """A campaign's recordings with their originals on the worker's disk; None where it has none."""
     files = []
-    for number, row in enumerate(recordings_of(session, campaign_id)):
+    rows = recordings_of(session, campaign_id)
+    require_files(rows)
+    for number, row in enumerate(rows):
         path = workspace / f"{number}.recording"
         write_original(session, row.file_sha256, path)
         stated = {name: getattr(row, name) for name in ("id", "filename", "format", "mapping")}

@@ -95,5 +95,8 @@ class RecordingOut(StrictModel):
     length_s: float = Field(description="how long it is")
     channels: list[RecordedChannel] = Field(description="one of each sensor")
     file_sha256: str = Field(description="of the file's bytes")
+    bytes_deleted_at: datetime | None = Field(
+        None, description="when the retention rule deleted its file; null where it is there"
+    )
     spectra: SpectraOut | None = Field(description="null until a processing has made them")
     created_at: datetime

@@ -26,6 +26,7 @@ from sqlalchemy import (
     func,
     literal,
     select,
+    update,
 )
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -83,10 +84,15 @@ class Record(Identified, Base):
     start_sample: Mapped[Big | None]
     dtype: Mapped[str]
     sha256: Mapped[bytes]
-    data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    data: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    bytes_deleted_at: Mapped[datetime | None]  # by a retention rule
 
 
-COLUMNS = tuple(one.name for one in Record.__table__.columns if one.name != "created_at")
+COLUMNS = tuple(
+    one.name
+    for one in Record.__table__.columns
+    if one.name not in ("created_at", "bytes_deleted_at")
+)
 """What is stated of a time block."""
 
 _STATED = tuple(
@@ -95,6 +101,8 @@ _STATED = tuple(
     if name in TimeBlock.__dataclass_fields__ and name not in ("hit", "samples")
 )
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
+
+_BYTES = func.coalesce(func.octet_length(Record.data), 0)
 
 record_for = Lookup(Record, "record", "campaign_id", campaign_for)
 
@@ -225,25 +233,48 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
     """
     row = record_for(session, user, record_id, "editor", lock=True)  # of two at once, one deletes
     record_for.note(session, user, row, "delete", sha256=row.sha256.hex(), hit=row.hit)
-    (size,) = session.execute(
-        delete(Record).where(Record.id == row.id).returning(func.octet_length(Record.data))
-    ).one()
+    (size,) = session.execute(delete(Record).where(Record.id == row.id).returning(_BYTES)).one()
     book(session, campaign_for, campaign_of(session, row.campaign_id), "records", -size)
 
 
 def remove_records(session: Session, import_id: UUID) -> int:
     """Remove the time blocks that an import brought, and give their bytes."""
-    gone = (
-        delete(Record)
-        .where(Record.import_id == import_id)
-        .returning(func.octet_length(Record.data))
-    )
+    gone = delete(Record).where(Record.import_id == import_id).returning(_BYTES)
     return sum(session.scalars(gone))
 
 
 def records_from(first: UUID) -> Select[UUID]:
     """Campaigns to which time blocks came whose keys are at least this one, as part of a query."""
     return select(Record.campaign_id).where(Record.id >= first)
+
+
+def delete_samples(
+    session: Session, campaign_id: UUID, before: datetime, now: datetime
+) -> tuple[int, int]:
+    """Empty the time blocks of a campaign that were stored before a moment; how many there were,
+    and their bytes.
+    """
+    old = select(Record.id, _BYTES).where(
+        Record.campaign_id == campaign_id,
+        Record.created_at < before,
+        Record.bytes_deleted_at.is_(None),
+    )
+    sizes = {key: int(size) for key, size in session.execute(old)}
+    session.execute(
+        update(Record).where(Record.id.in_(sizes)).values(data=None, bytes_deleted_at=now)
+    )
+    return len(sizes), sum(sizes.values())
+
+
+def emptied_at(session: Session, campaign_id: UUID) -> datetime | None:
+    """When a retention rule emptied the last of a campaign's time blocks; None where it has none,
+    or some that are not empty.
+    """
+    query = select(
+        func.max(Record.bytes_deleted_at), func.count() - func.count(Record.bytes_deleted_at)
+    )
+    last, left = session.execute(query.where(Record.campaign_id == campaign_id)).one()
+    return None if left else last
 
 
 def newest_records(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, datetime]:
@@ -273,11 +304,11 @@ def block_rows(
     session: Session, campaign_id: UUID, points: set[int] | None = None
 ) -> dict[Place, list[BlockRow]]:
     """What is said of a campaign's blocks, by place, in the order in which places were first hit;
-    also of blocks whose hit is not `whole`.
+    also of blocks whose hit is not `whole`, not of those that a retention rule has emptied.
     """
     names = BlockRow.__dataclass_fields__
     query = select(*(getattr(Record, name) for name in names)).where(
-        Record.campaign_id == campaign_id
+        Record.campaign_id == campaign_id, Record.bytes_deleted_at.is_(None)
     )
     if points is not None:
         query = query.where(Record.force_point.in_(points))

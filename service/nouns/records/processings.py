@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, ForeignKey, Index, Select, func, select
+from sqlalchemy import JSON, CompoundSelect, ForeignKey, Index, Select, func, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore import signal
@@ -46,6 +46,8 @@ from service.nouns.structures.operations import present_structure
 from service.platform.access import Lookup, User
 from service.platform.access.users import first_event
 from service.platform.db.base import Base, Big, Identified, one_at_a_time
+from service.platform.queue.resource import ENDED
+from service.platform.queue.tables import Job
 from service.platform.web import shown_as
 
 
@@ -195,7 +197,7 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
     known = block_rows(session, campaign_id, {row.force_point for row in stored})
     places = [whole(rows) for rows in known.values()]
     answer.incomplete = [sentence for _, sentences in places for sentence in sentences]
-    if sum(len(rows) for rows, _ in places) > MOST_LOOKED_AT:
+    if not 0 < sum(len(rows) for rows, _ in places) <= MOST_LOOKED_AT:
         return answer
     alike = [of_sensors for rows, _ in places for of_sensors in by_sensors(rows)]
     # the coherence of a place is that of its newest hits
@@ -306,6 +308,45 @@ def _supersede_earlier(session: Session, row: Processing) -> None:
         UUID(frf["id"]) for frf in made if any(block["id"] in blocks for block in frf["records"])
     }
     supersede(session, row.campaign_id, row.id, remade)
+
+
+def in_use(campaigns: Select[UUID]) -> CompoundSelect[UUID]:
+    """Keys of those of some campaigns whose time blocks are processed now, or have come after their
+    last processing; as part of a query.
+    """
+    under_way = (
+        select(Processing.campaign_id)
+        .join(Job, Job.id == Processing.id)
+        .where(Processing.campaign_id.in_(campaigns), Job.state.not_in(ENDED))
+    )
+    seen = select(Processing.id).where(
+        Processing.campaign_id == Record.campaign_id,
+        Processing.document.is_not(None),
+        Processing.id > Record.id,
+    )
+    unseen = select(Record.campaign_id).where(
+        Record.campaign_id.in_(campaigns), Record.bytes_deleted_at.is_(None), ~seen.exists()
+    )
+    return under_way.union(unseen)
+
+
+def old_samples(
+    session: Session, campaigns: Select[UUID], before: datetime, most: int
+) -> Sequence[UUID]:
+    """Keys of those of some campaigns that have time blocks of before a moment, all of which a
+    processing has seen.
+    """
+    query = (
+        select(Record.campaign_id)
+        .where(
+            Record.campaign_id.in_(campaigns),
+            Record.bytes_deleted_at.is_(None),
+            Record.created_at < before,
+            Record.campaign_id.not_in(in_use(campaigns)),
+        )
+        .distinct()
+    )
+    return session.scalars(query.limit(most)).all()
 
 
 def new_processing(campaign_id: UUID, options: ProcessingIn) -> Processing:

@@ -20,6 +20,7 @@ from service.nouns.records.schemas import (
     RecordOut,
 )
 from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import require_bytes
 from service.platform.web import Cursor, Limit, Page, paged, shown_as
 from service.platform.web.parameters import form_of
 
@@ -72,6 +73,7 @@ def get_record_data(
 ) -> Response:
     """Samples of a time block in SI with their time axis, as JSON, npz, HDF5, Parquet or CSV."""
     row = operations.record_for(session, user, record_id)
+    require_bytes("time block", row.bytes_deleted_at)
     rows = operations.block_rows(session, row.campaign_id, {row.force_point})
     blocks = [r for r in rows[row.force_point, row.force_direction] if r.id == row.id]
     (samples,) = operations.samples_of(session, blocks)

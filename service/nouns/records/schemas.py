@@ -48,6 +48,9 @@ class RecordOut(StrictModel):
     start_sample: int | None
     dtype: str
     sha256: str
+    bytes_deleted_at: datetime | None = Field(
+        None, description="when the retention rule deleted its samples; null where they are there"
+    )
     created_at: datetime
 
 

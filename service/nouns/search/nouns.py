@@ -132,6 +132,7 @@ _ALL = (
             ID,
             NAME,
             Field("version", "whole", "number of its present version"),
+            Field("retention_days", "whole", "days for which its files are kept", nullable=True),
             *LABELS,
             CREATED,
         ),

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from sqlalchemy import ForeignKey, LargeBinary, delete, func, select
+from sqlalchemy import Column, ForeignKey, LargeBinary, delete, func, select, update
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -30,6 +30,7 @@ class Original(Base):
     sha256: Mapped[bytes] = mapped_column(primary_key=True)
     size: Mapped[Big]
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    bytes_deleted_at: Mapped[datetime | None]  # by retention rules; the chunks are gone then
 
 
 class OriginalChunk(Base):
@@ -67,7 +68,8 @@ _READ = """
 
 
 def keep_original(session: Session, file: Spooled) -> None:
-    """Store the file's bytes in chunks under their SHA-256, unless they are stored already.
+    """Store the file's bytes in chunks under their SHA-256, unless they are stored already and were
+    not deleted since.
 
     A second upload of the same bytes at the same moment waits for the first one's commit here.
 
@@ -75,7 +77,11 @@ def keep_original(session: Session, file: Spooled) -> None:
     new = session.execute(
         insert(Original)
         .values(sha256=file.sha256, size=file.size)
-        .on_conflict_do_nothing()
+        .on_conflict_do_update(
+            index_elements=[Original.sha256],
+            set_={"bytes_deleted_at": None},
+            where=Original.bytes_deleted_at.is_not(None),
+        )
         .returning(Original.sha256)
     ).one_or_none()
     if new is None:
@@ -137,11 +143,31 @@ def original_sizes(session: Session, keys: Iterable[bytes]) -> dict[bytes, int]:
 
 def forget_originals(session: Session) -> None:
     """Remove the stored files to which no table refers any more."""
-    kept = [
-        select(column)
-        for table in Base.metadata.tables.values()
-        for column in table.c
-        if any(key.target_fullname == "originals.sha256" for key in column.foreign_keys)
-        and table.name != "original_chunks"
-    ]
+    kept = (select(column) for column in _references())
     session.execute(delete(Original).where(*(Original.sha256.not_in(named) for named in kept)))
+
+
+def delete_unused_bytes(session: Session, keys: Iterable[bytes], now: datetime) -> None:
+    """Delete the bytes of stored files that nothing needs any more: each import of them has lost
+    them to a retention rule, and they are no model and no attachment. The files' rows stay.
+    """
+    # who stores one of them at this moment is waited for, so that its row is seen below
+    held = select(Original.sha256).where(Original.sha256.in_(set(keys))).order_by(Original.sha256)
+    mine = session.scalars(held.with_for_update()).all()
+    for column in _references():
+        deleted_at = column.table.c.get("bytes_deleted_at")
+        needed = select(column).where(column.in_(mine))
+        if deleted_at is not None:
+            needed = needed.where(deleted_at.is_(None))
+        mine = sorted(set(mine) - set(session.scalars(needed)))
+    session.execute(update(Original).where(Original.sha256.in_(mine)).values(bytes_deleted_at=now))
+    session.execute(delete(OriginalChunk).where(OriginalChunk.sha256.in_(mine)))
+
+
+def _references() -> Iterator[Column[bytes]]:
+    """The columns that refer to stored files, but for those of their chunks."""
+    for table in Base.metadata.tables.values():
+        for column in table.c:
+            names = (key.target_fullname for key in column.foreign_keys)
+            if "originals.sha256" in names and table.name != "original_chunks":
+                yield column

@@ -38,7 +38,7 @@ from service.nouns.structures.schemas import (
     StructurePatch,
 )
 from service.nouns.structures.shapes import Shape
-from service.platform.access import Lookup, User, project_for, projects_of
+from service.platform.access import Lookup, User, project_for, projects_at_work, projects_of
 from service.platform.access.metadata_schema import require_metadata
 from service.platform.db.base import Base, Identified, Labelled, label_indexes, transaction_time
 from service.platform.errors import Fault, Invalid
@@ -62,6 +62,7 @@ class Structure(Identified, Labelled, Base):
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
     name: Mapped[str]
     version: Mapped[int] = mapped_column(default=1)
+    retention_days: Mapped[int | None]
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
     deleted_at: Mapped[datetime | None]
 
@@ -116,6 +117,18 @@ structure_for = Lookup(Structure, "structure", "project_id")
 structures_of = structure_for.rows
 
 
+def retention_rules(session: Session) -> Sequence[tuple[UUID, int]]:
+    """The structures that have a retention rule, each with its days; none that is archived or
+    deleted.
+    """
+    query = select(Structure.id, Structure.retention_days).where(
+        Structure.retention_days.is_not(None),
+        Structure.deleted_at.is_(None),
+        Structure.project_id.in_(projects_at_work()),
+    )
+    return [(key, days) for key, days in session.execute(query) if days is not None]
+
+
 def current_version(session: Session, structure: Structure) -> StructureVersion:
     """The version of a structure that is valid now, which new campaigns and new updates refer
     to.
@@ -135,7 +148,12 @@ def create_structure(
     project = project_for(session, user, project_id, "editor")
     require_metadata(session, project.id, "structure", body.model_dump(mode="json"))
     structure = Structure(
-        project_id=project.id, name=body.name, version=1, tags=body.tags, meta=body.meta
+        project_id=project.id,
+        name=body.name,
+        version=1,
+        retention_days=body.retention_days,
+        tags=body.tags,
+        meta=body.meta,
     )
     session.add(structure)
     session.flush()
@@ -160,6 +178,7 @@ def change_structure(
     after = _patched(before, patch)
     require_metadata(session, structure.project_id, "structure", after.model_dump(mode="json"))
     structure.name, structure.tags, structure.meta = after.name, after.tags, after.meta
+    structure.retention_days = after.retention_days
     physical = (
         "geometry",
         "density_kg_m3",
@@ -175,7 +194,9 @@ def change_structure(
         _add_version(session, structure, after)
     structure.updated_at = transaction_time(session)
     session.flush()
-    structure_for.note(session, user, structure, "change", version=structure.version)
+    days = {"retention_days": after.retention_days}
+    ruled = days if before.retention_days != after.retention_days else {}
+    structure_for.note(session, user, structure, "change", version=structure.version, **ruled)
 
 
 def describe(session: Session, structure: Structure) -> StructureOut:
@@ -252,7 +273,7 @@ def _physical(version: StructureVersion) -> dict[str, Any]:
 
 def _patched(before: StructureOut, patch: StructurePatch) -> StructureIn:
     sent = {field: getattr(patch, field) for field in patch.model_fields_set}
-    nulls = [field for field, value in sent.items() if value is None]
+    nulls = [name for name, value in sent.items() if value is None and name != "retention_days"]
     if nulls:
         raise Invalid(
             [Fault(f"/{field}", "cannot be null; leave it out to keep it") for field in nulls]

@@ -7,14 +7,14 @@ from datetime import datetime
 from typing import Annotated, Any, Self
 from uuid import UUID
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from fecore.body import generators as core
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.errors import InputError
 from service.nouns.structures.shapes import Ply, Poisson, Shape, check_poisson
 from service.platform.web import Id, Name, RequestModel, StrictModel, example, wrong
-from service.platform.web.bodies import Meta, Tags
+from service.platform.web.bodies import Meta, Tags, whole
 from service.platform.web.quantities import (
     DENSITY_SD,
     LENGTH,
@@ -109,6 +109,13 @@ Pieces = Annotated[
 ]
 
 
+_RETENTION = (
+    "days after its import after which a file is deleted, and so are time blocks, once FRFs or"
+    " spectra were made of them; their SHA-256, spectra, FRFs, modes and results stay"
+)
+RetentionDays = Annotated[int | None, Field(ge=1, le=36_500), BeforeValidator(whole)]
+
+
 class StructureInputs(RequestModel):
     """How well a structure's own values are known: standard deviations. null: a careful
     laboratory's; 0: exactly known.
@@ -174,6 +181,7 @@ class StructureIn(RequestModel):
             " geometry or shape"
         ),
     )
+    retention_days: RetentionDays = Field(None, description=f"{_RETENTION}; null: never")
     tags: Tags = Field([])
     meta: Meta = Field({})
 
@@ -217,7 +225,7 @@ class StructureIn(RequestModel):
 
 
 class StructurePatch(RequestModel):
-    """Members to change; null is not a value here. A laminate takes the place of a material, and a
+    """Members to change; null is not a value here, but of `retention_days`. A laminate takes the place of a material, and a
     geometry, a shape or a model that of the other two, with all that was stated of them.
     """
 
@@ -236,6 +244,7 @@ class StructurePatch(RequestModel):
     model: Id | None = Field(
         None, description="an earlier model of the structure, to go back to it"
     )
+    retention_days: RetentionDays = Field(None, description=f"{_RETENTION}; null ends the rule")
     tags: Tags | None = None
     meta: Meta | None = None
 
@@ -259,6 +268,7 @@ class StructureOut(StrictModel):
     pieces: Pieces | None
     shape: Shape | None
     model: UUID | None = Field(description="id of the model that it is; null where it is none")
+    retention_days: int | None = Field(description=f"{_RETENTION}; null: never")
     replaced: list[str] = Field(
         description=(
             "what the version before had and another member has taken the place of, such as `shape`"

@@ -24,6 +24,7 @@ STATUS: dict[type[e.ServiceError], int] = {
     e.Unauthorized: HTTPStatus.UNAUTHORIZED,
     e.Forbidden: HTTPStatus.FORBIDDEN,
     e.Conflict: HTTPStatus.CONFLICT,
+    e.Gone: HTTPStatus.GONE,
     e.Invalid: HTTPStatus.UNPROCESSABLE_ENTITY,
     e.PayloadTooLarge: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
     e.UnsupportedMediaType: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 from uuid import UUID
 
@@ -20,7 +21,7 @@ from service.nouns.records.schemas import Proposal, StoredRecords
 from service.nouns.storage.originals import copy_original, original_sizes
 from service.nouns.updates.operations import require_no_update
 from service.platform.access import CurrentUser, SessionDep, api_router
-from service.platform.errors import Invalid
+from service.platform.errors import Invalid, require_bytes
 from service.platform.queue.resource import JobOut
 from service.platform.queue.routes import JobRoutes
 from service.platform.web import StrictModel
@@ -81,6 +82,9 @@ class ImportOut(JobOut):
     )
     already_imported: bool = Field(
         False, description="these bytes are in the campaign already; nothing new was queued"
+    )
+    bytes_deleted_at: datetime | None = Field(
+        None, description="when the retention rule deleted the file; null where it is there"
     )
     counts: Counts | None = Field(description="what was read; null until it succeeded")
     datasets: list[DatasetOutcome]
@@ -209,8 +213,11 @@ def get_import_records(import_id: UUID, session: SessionDep, user: CurrentUser) 
 def get_imports_original(
     import_id: UUID, session: SessionDep, user: CurrentUser, request: Request
 ) -> Response:
-    """The file as it was uploaded, byte for byte; its ETag is its SHA-256."""
+    """The file as it was uploaded, byte for byte; its ETag is its SHA-256. 410 where the
+    structure's retention rule has deleted it.
+    """
     row = import_for(session, user, import_id)
+    require_bytes("original", row.bytes_deleted_at)
     headers = {"ETag": f'"{row.sha256.hex()}"'}
     return not_modified(request, headers) or spooled(
         lambda file: copy_original(session, row.sha256, file),

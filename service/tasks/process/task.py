@@ -22,8 +22,9 @@ from service.nouns.recordings.operations import (
     keep_spectra,
     load_recordings,
     recordings_of,
+    require_files,
 )
-from service.nouns.records.operations import block_rows, has_records
+from service.nouns.records.operations import block_rows, emptied_at, has_records
 from service.nouns.records.processings import (
     decisions,
     hits_in,
@@ -35,6 +36,7 @@ from service.nouns.records.processings import (
 from service.nouns.records.schemas import CampaignProcessingIn
 from service.nouns.storage import require_room
 from service.platform.access import User
+from service.platform.errors import Conflict, deleted_by_rule
 from service.platform.queue.kinds import CORE_LIBRARIES
 from service.platform.queue.resource import JobNoun
 from service.tasks.process.compute import Measured, process_campaign
@@ -115,8 +117,13 @@ def start_processing(
     body.processing()  # a wrong choice is refused before it is queued
     if body.overrules:
         decisions(body.overrules, hits_in(block_rows(session, campaign.id).values()))
+    recordings = recordings_of(session, campaign.id)
+    require_files(recordings)
+    if (gone := emptied_at(session, campaign.id)) is not None:
+        why = deleted_by_rule("time blocks", gone)
+        raise Conflict(f"the hits cannot be processed anew: {why}; their FRFs stay")
     hits = has_records(session, campaign.id)
-    undriven = [not has_loads(row) for row in recordings_of(session, campaign.id)]
+    undriven = [not has_loads(row) for row in recordings]
     if hits or undriven:  # else an import may be on its way; the job says so
         _require_used(body, hits, undriven)
     require_room(session, campaign_for.project_of(session, campaign))
