@@ -43,6 +43,7 @@ def run(service: LocalService, api: httpx.Client, tmp_path: Path) -> Run:
 
 
 def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_path: Path) -> None:
+    """Every command of the main job, in the order that each names the next."""
     (tmp_path / "beam.uff").write_bytes(paper.uff_file())
     assert "next: modalbase projects --new" in run("projects").stderr
     run("projects", "--new", "bridge deck")

@@ -61,6 +61,7 @@ def test_every_question_is_on_the_page_of_the_documents() -> None:
 def test_page_library_and_command_give_one_answer(
     service: LocalService, key: str, new_client: Callable[..., httpx.Client]
 ) -> None:
+    """Ten questions of the guide by three doors, over ten updated campaigns."""
     place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
     headers = {"Authorization": f"Bearer {key}"}
     known = expected()

@@ -105,6 +105,7 @@ def test_a_structure_is_turned_zoomed_and_its_points_chosen(
     height: int,
     dark: bool,
 ) -> None:
+    """What is drawn by WebGL is seen in its pixels alone."""
     with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
         signed_in(seen, bracket["key"], "/ui/")
         page = opened(seen, bracket["structure"])

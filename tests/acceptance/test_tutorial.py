@@ -81,6 +81,7 @@ def printed(
 
 
 def test_the_commands_of_the_tutorial_find_the_truth(printed: dict[str, str]) -> None:
+    """A newcomer's first hour, by the wheel alone, as the page has it."""
     assert re.findall(r"^ *(\d+) +[\d.]+ ", printed["modes March"], flags=re.MULTILINE)[-1] == "5"
     result = json.loads(printed["result"])
     assert result["provenance"]["recipe"]["band_hz"] == [10.0, 1000.0]

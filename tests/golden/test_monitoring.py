@@ -99,6 +99,7 @@ def kill_while_it_runs(
 
 
 def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService) -> None:
+    """An alarm is stored and sent once, whoever dies; its series is the golden one."""
     with receiver() as hook, client_of(service, "laboratory") as api:
         project = ok(api.post("projects", json={"name": "bridge"}))["id"]
         structure = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]

@@ -85,6 +85,7 @@ def paper(api: httpx.Client, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.mark.parametrize("name", [long(name) if name in IN_OTHERS else name for name in OF_PAPER])
 def test_updates_of_the_papers_beam(api: httpx.Client, paper: str, name: str) -> None:
+    """The whole result of each kind of recipe, by REST as a user reads it."""
     found = updated(api, paper, OF_PAPER[name])
     check(f"update-paper-{name}", found)
     if name == "spring":
@@ -107,6 +108,7 @@ def test_updates_of_open_sets(api: httpx.Client, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["hits-cantilever", long("hits-free-window")])
 def test_updates_of_open_sets_of_hits(api: httpx.Client, name: str) -> None:
+    """From raw hits to a result in one job; no other document has both."""
     found = updated(api, campaign := hits_campaign(api, name), {})
     processing = ok(api.get(f"processings/{found['result']['provenance']['processing']}"))
     check(f"update-{name}", {**found, "processing": processing})
@@ -153,6 +155,7 @@ def test_identifications_of_open_structures(
 
 @pytest.mark.parametrize("name", [long("moved"), "standing"])
 def test_updates_with_a_sensor_of_some_mass(api: httpx.Client, name: str) -> None:
+    """A sensor's mass at no stated point: its place follows from the FRFs."""
     campaign = truths.campaign_with(api, name, getattr(truths, name)())
     found = updated(api, campaign, {"damping_models": RAYLEIGH, "parameters": TWO})
     check(f"update-sensor-{name}", found)
@@ -181,6 +184,7 @@ def test_an_update_of_an_unsymmetric_stack(api: httpx.Client) -> None:
 def test_strips_at_three_angles_are_one_material(
     api: httpx.Client, project: str, new_client: Callable[[], httpx.Client], service: LocalService
 ) -> None:
+    """A joint update with its figures and pages, against a truth of a finer model."""
     random = np.random.default_rng(3)
     cuts = [("strip 0", 0.0), ("strip 90", 90.0), ("strip 45", 45.0)]
     jobs = [stored(api, project, measured(random, name, STRIP, angle)) for name, angle in cuts]
@@ -285,6 +289,7 @@ def test_a_joint_update_from_frfs(api: httpx.Client, project: str) -> None:
 
 
 def test_plans(api: httpx.Client, structure: str, new_campaign: Callable[..., str]) -> None:
+    """What the next test would add, before any and after one."""
     path = f"structures/{structure}/plans"
     campaign = new_campaign(boundary="free")
     typed = modes_of(
@@ -350,6 +355,7 @@ FROM_MODES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("name", ["no-frfs", long("no-mode-in-band"), "added-mass"])
 def test_updates_without_frfs(api: httpx.Client, name: str) -> None:
+    """Modes alone: what fails says so, and what can be found is."""
     instruments, recipe = FROM_MODES[name]
     campaign, recipe = new_campaign(api, STRUCTURE, instruments=instruments), dict(recipe)
     if modes := recipe.pop("modes", None):
