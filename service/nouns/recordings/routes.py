@@ -113,8 +113,8 @@ def get_recording_transmissibility(
         ),
     ] = None,
 ) -> Any:
-    """What the responses of a recording without a load do for each unit of one or several of them,
-    with variance and multiple coherence: S_xr S_rr⁻¹. They are no FRFs, and no modes are found in
+    """Transmissibility of a recording of responses: what they do for each unit of one or several of
+    them, with variance and multiple coherence: S_xr S_rr⁻¹. They are no FRFs, and no modes are found in
     them.
     """
     row = recording_for(session, user, recording_id)

@@ -69,8 +69,8 @@ class TransmissibilityOut(StrictModel):
     """
 
     frequency_hz: list[float] = Field(description="lines at which the references differ")
-    responses: list[SensorOut]
-    references: list[SensorOut]
+    responses: list[SensorOut] = Field(description="N, in the order of the rows")
+    references: list[SensorOut] = Field(description="R, in the order of the columns")
     real: list[list[list[float]]] = Field(description="N × R × L")
     imag: list[list[list[float]]] = Field(description="N × R × L")
     variance: list[list[list[float]]] = Field(
