@@ -56,7 +56,12 @@ def find_damage(connection: Connection) -> list[str]:
 
 
 def deleted_by_rules(connection: Connection) -> str:
-    """How much retention rules have deleted, in words; empty where it is nothing."""
+    """How much retention rules have deleted, in words; empty where it is nothing, or the schema is of
+    a version without such rules.
+    """
+    columns = inspect(connection).get_columns("originals")
+    if "bytes_deleted_at" not in {column["name"] for column in columns}:
+        return ""
     counts = [
         int(connection.scalar(text(f"SELECT count(*) FROM {table} WHERE {_DELETED}")) or 0)
         for table in ("originals", "records")
