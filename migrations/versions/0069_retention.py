@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0067_retention"
+revision = "0069_retention"
 down_revision = "0068_tracks"
 branch_labels = None
 depends_on = None
