@@ -62,6 +62,9 @@ def bridge(api: httpx.Client, project: str) -> dict[str, str]:
             "performed_at": at,
         }
         body["instruments"] = {"hammer": {"model": hammer}}
+        if temperature is not None:
+            body["covariates"] = {"wind_m_s": temperature / 10, "temperature_c": temperature}
+            del body["temperature_c"]
         ids[name] = ok(api.post(f"structures/{ids[structure]}/campaigns", json=body), 201)["id"]
         modes = [{"frequency_hz": f, "damping_ratio": f / 500} for f in frequencies]
         if modes:
@@ -99,6 +102,9 @@ QUESTIONS = [
     ("campaigns", "temperature_c IS NOT NULL AND boundary <> 'free'", ["cold", "late"]),
     ("campaigns", "25 < temperature_c", ["warm", "late"]),
     ("campaigns", "temperature_c = -3.5", ["cold"]),
+    ("campaigns", "covariates.wind_m_s > 2.5", ["warm", "late"]),
+    ("campaigns", "covariates.wind_m_s IS NULL", ["unknown"]),
+    ("modes", "campaign.covariates.wind_m_s < 0", ["cold", "cold"]),
     ("campaigns", "boundary IN ('free', 'simply_supported')", ["warm", "unknown"]),
     ("campaigns", "boundary NOT IN ('free')", ["cold", "late"]),
     ("campaigns", "CASEI(boundary) = 'FREE'", ["warm", "unknown"]),
@@ -142,6 +148,7 @@ def test_a_filter_finds(api: httpx.Client, bridge: dict[str, str]) -> None:
 REFUSED = [
     ("campaign.temprature_c > 25", "campaign.temperature_c"),
     ("nonsense = 1", "campaign."),
+    ("covariates.wind > 1", "there is no field 'covariates.wind'"),
     ("temperature_c > 'warm'", "expected a number in °C"),
     ("boundary = 'foo'", "never 'foo'; it is cantilever, free, simply_supported or as_modelled"),
     ("boundary = 'Free'", "never 'Free'"),

@@ -14,7 +14,7 @@ from fecore.frf import Quantity
 from fecore.quantities import quantity_of
 from fecore.trend import State
 from service.nouns.attachments import operations as attachments
-from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.climate import CLIMATE, unit_of_covariate
 from service.nouns.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.nouns.campaigns.schemas import Boundary
 from service.nouns.coupons.schemas import Standard
@@ -115,6 +115,16 @@ def _other_constant(name: str) -> Field | None:
     )
 
 
+def _covariate(name: str) -> Field | None:
+    """A covariate that campaigns state by its name, such as `covariates.wind_m_s`."""
+    member, _, own = name.partition(".")
+    unit = unit_of_covariate(own)
+    if member != "covariates" or unit is None:
+        return None
+    value = lambda t: t.c.covariates[own].astext.cast(Double)  # noqa: E731
+    return Field(name, "number", "that campaigns state", unit, value=value, nullable=True)
+
+
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
 
 _MADE = _one_of("origin", get_args(Origin)), _one_of("excitation", get_args(Excitation))
@@ -205,6 +215,7 @@ _ALL = (
         facets=("boundary", "structure.name"),
         hidden=True,
         words=CAMPAIGN_WORDS,
+        more=_covariate,
     ),
     Noun(
         "frf",
