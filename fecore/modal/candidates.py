@@ -176,8 +176,10 @@ def linear_poles(
     for lines in _MEANS:
         if omega.size >= lines * NARROW:
             seen.append((means(omega, lines), means(values, lines), means(weight, lines), WIDE))
-    found = [poles for w, h, g, size in seen for poles in _in_windows(w, h, g, size, highest)]
-    return LinearPoles(*(np.concatenate(each) for each in zip(*map(astuple, found), strict=True)))
+    estimates = [poles for w, h, g, size in seen for poles in _in_windows(w, h, g, size, highest)]
+    return LinearPoles(
+        *(np.concatenate(each) for each in zip(*map(astuple, estimates), strict=True))
+    )
 
 
 def clusters(linear: LinearPoles) -> ComplexArray:

@@ -256,10 +256,10 @@ def _chosen(
     if not pool.size or room <= 0:
         return pool[:0]
     # 1. Products.
-    root, alone = np.sqrt(fit.weight.mean(axis=0)), with_poles(NO_TERMS, pool)
+    root, new_terms = np.sqrt(fit.weight.mean(axis=0)), with_poles(NO_TERMS, pool)
     frame = stacked(fit.linear.frame, root)
     frame = frame @ whitening(frame)
-    extra = stacked(columns(arrangement.omega, alone, arrangement.power), root)
+    extra = stacked(columns(arrangement.omega, new_terms, arrangement.power), root)
     extra /= np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
     inside, target = frame.T @ extra, (fit.residual * np.sqrt(fit.weight)).view(np.float64)
     gram = extra.T @ extra - inside.T @ inside
