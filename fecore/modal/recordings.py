@@ -1,4 +1,4 @@
-"""Modes of recordings: of responses to loads that nobody measured, and of FRFs of measured loads.
+"""Output-only identification, and that of FRFs of measured loads: modes of recordings.
 
 `identify` takes half spectra (`fecore.signal.half_spectra`) as mobilities. What differs is what is
 known beforehand.
