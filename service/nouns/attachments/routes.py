@@ -7,7 +7,7 @@ from uuid import UUID
 
 from fastapi import Path, Query, Request, Response
 from fastapi.responses import FileResponse
-from pydantic import Field
+from pydantic import AfterValidator, Field
 from sqlalchemy import and_
 from sqlalchemy.orm import Session
 
@@ -27,7 +27,7 @@ from service.platform.access import CurrentUser, Lookup, SessionDep, User, api_r
 from service.platform.access.lookup import Role, projects
 from service.platform.access.nouns import NounRoutes
 from service.platform.errors import Invalid, NotFound
-from service.platform.web import RequestModel, StrictModel, Text, example
+from service.platform.web import RequestModel, StrictModel, example
 from service.platform.web.downloads import disposition, spooled
 from service.platform.web.json_body import refuse_unstorable_text
 from service.platform.web.openapi import reads, upload
@@ -61,7 +61,9 @@ class CaptionIn(RequestModel):
 
     model_config = example(caption="the clamp from the left, before the test")
 
-    caption: Text = Field(max_length=500, description="what it shows; empty: nothing is said")
+    caption: Annotated[str, AfterValidator(refuse_unstorable_text)] = Field(
+        max_length=500, description="what it shows; empty: no caption"
+    )
 
 
 def describe(rows: Sequence[Attachment]) -> Iterator[AttachmentOut]:

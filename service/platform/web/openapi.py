@@ -109,7 +109,9 @@ def _add_curl(document: Node) -> None:
 def _curl(method: str, path: str, content: Node, schemas: Node) -> str:
     """A command that sends the example of a body, or a file."""
     address = re.sub(r"\{(\w+)\}", lambda name: f"${name[1].upper()}", path)
-    send = " -X PUT" if method == "PUT" else " -o report.pdf" if path.endswith("/report") else ""
+    send = " -X PUT" if method == "PUT" else ""
+    if path.endswith("/report"):
+        address, send = f"{address}?format=pdf", " -o report.pdf"
     if "multipart/form-data" in content:
         send += " -F file=@beam.uff"
     elif "application/json" in content:
