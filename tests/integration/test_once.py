@@ -68,11 +68,10 @@ def creating(document: dict[str, Any]) -> list[str]:
 def request_of(name: str, ids: dict[str, str]) -> dict[str, Any]:
     """What an operation is sent."""
     if name.endswith(("/imports", "/model")):
-        return {
-            "content": paper.uff_file(),
-            "headers": RAW,
-            "params": {"filename": f"{uuid4()}.inp"},
-        }
+        params = {"filename": f"{uuid4()}.inp"}
+        if name.startswith("POST /structures/{structure_id}/imports"):
+            params["campaign"] = json.dumps({"name": "sent at once", "boundary": "cantilever"})
+        return {"content": paper.uff_file(), "headers": RAW, "params": params}
     project = {"project": ids["project_id"]}
     own: dict[str, Any] = {
         "POST /update-jobs": {"jobs": [{"campaign_id": ids["campaign_id"]}]},

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID, uuid4
 
+import h5py
 import httpx
 import numpy as np
 import scipy
@@ -96,6 +97,20 @@ def _npz(**arrays: Any) -> bytes:
     return buffer.getvalue()
 
 
+def _npy(array: np.ndarray[Any, Any]) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def _hdf5(**arrays: Any) -> bytes:
+    file = io.BytesIO()
+    with h5py.File(file, "w") as written:
+        for name, array in arrays.items():
+            written.create_dataset(name, data=array)
+    return file.getvalue()
+
+
 def _mat(**arrays: Any) -> bytes:
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, arrays)
@@ -105,6 +120,8 @@ def _mat(**arrays: Any) -> bytes:
 FRFS_CSV = _table({"frequency_hz": HERTZ, **DOFS, "real": VALUES.real, "imag": VALUES.imag})
 FRFS_NPZ = _npz(frequency_hz=HERTZ, values=VALUES[np.newaxis], **DOFS)
 FRFS_MAT = _mat(f=HERTZ, H=VALUES)
+FRFS_NPY = _npy(VALUES)
+FRFS_HDF5 = _hdf5(frequency_hz=HERTZ, values=VALUES[np.newaxis], **DOFS)
 MORE_NPZ = _npz(f=2 * SAMPLES, a=SAMPLES[::-1])
 LONG = np.random.default_rng(0).standard_normal(8192) * np.exp(-np.arange(8192) / 2000)
 # more samples than a figure shows at once
@@ -117,6 +134,11 @@ OF_NPZ = {
     "reference_point": 6,
 }
 OF_CSV = {**OF_NPZ, "frf": {"real": "real", "imaginary": "imag"}}
+OF_NPY = {
+    **OF_NPZ,
+    "frequency_hz": {"start": float(HERTZ[0]), "step": float(HERTZ[1] - HERTZ[0])},
+    "frf": {"variable": "array"},
+}
 OF_MAT = {**OF_NPZ, "frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}}
 
 
