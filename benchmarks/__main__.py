@@ -77,6 +77,7 @@ TABLES = {
         Case("live_hits", "database", quick="2"),
         Case("search", "search", quick="20"),
         Case("fleet", "fleet", quick="1 4"),
+        Case("hourly", "fleet", quick="3 60"),
         Case("jobs", "jobs", quick="20 2 2"),
         Case("pages", "screen", quick="3 1 1"),
         Case("start", "screen", quick="1"),

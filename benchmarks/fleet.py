@@ -1,22 +1,30 @@
-"""A fleet of monitors that is rerun by one worker and by two.
+"""A fleet of monitors that is rerun, and recordings of a watched structure, by one worker and by
+two.
 
 What workers do among themselves they do anywhere; PostgreSQL is what all of them share. So its
 processor seconds a rerun say how many reruns a second one processor of a server of its own carries,
 and how many workers keep it busy.
 """
 
+import io
+import json
 import os
 import time
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from uuid import UUID
 
 import httpx
+import numpy as np
 from sqlalchemy import func, select
 
+from benchmarks import output_only
 from benchmarks.clock import timed
 from benchmarks.service import ended, processor_s
 from benchmarks.tables import Table, load
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
+from fecore.arrays import FloatArray
 from service.nouns.monitors.tables import MonitorSeries
 from tests.support.floor import Floor, floor
 from tests.support.rest import posted
@@ -126,3 +134,93 @@ def _rerun(
         hours * database,
         work / database,
     )
+
+
+def hourly(recordings: int = 24, seconds: int = 600) -> None:
+    """Recordings of eight sensors at 256 Hz become campaigns, spectra, modes and a judgement, by one
+    worker and two: recordings an hour, processor time of workers and of PostgreSQL.
+    """
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    made = [output_only.recording(seed)[0][:, : int(seconds * output_only.RATE)] for seed in (1, 2)]
+    table = Table(
+        f"{recordings} recordings of {seconds} s, of each; {load()}",
+        *("workers:8", "read/h:.0f", "s of workers:.2f", "of PostgreSQL:.3f"),
+        *("judged/h:.0f", "s of workers:.2f", "of PostgreSQL:.3f"),
+    )
+    with floor() as here, here.client("hourly") as api:
+        project = posted(api, "projects", {"name": "hourly"})["id"]
+        workers = [here.modalbase("worker")]
+        for count in (1, 2):
+            workers += [here.modalbase("worker") for _ in range(count - len(workers))]
+            time.sleep(8)  # until it is there
+            structure = posted(api, f"projects/{project}/structures", {"name": str(count)})["id"]
+            watch = {"name": "deck", "watch": "modes", "baseline": {"campaigns": 10}}
+            monitor = posted(api, f"structures/{structure}/monitors", {**watch, "runs_on": "hand"})[
+                "id"
+            ]
+
+            def read(structure: str = structure) -> None:
+                sent = [
+                    _send(api, structure, np.roll(made[hour % 2], 1000 * hour, axis=1), hour)
+                    for hour in range(recordings)
+                ]
+                for each in sent:
+                    ended(api, each)
+
+            def judge(monitor: str = monitor) -> None:
+                posted(api, f"monitors/{monitor}/runs", {})
+                _until_judged(here, monitor)
+
+            pids = [worker.pid for worker in workers]
+            table.row(
+                count,
+                *_hourly(here, pids, recordings, read),
+                *_hourly(here, pids, recordings, judge),
+            )
+
+
+def _send(api: httpx.Client, structure: str, samples: FloatArray, hour: int) -> httpx.Response:
+    """Send one recording as a campaign of its own."""
+    file = io.BytesIO()
+    np.savez(file, data=samples.T.astype(np.float32), fs=output_only.RATE)
+    at = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=hour)
+    sensor = {"quantity": "acceleration", "unit": "m/s²", "direction": 3}
+    mapping = {
+        "recording": {},
+        "sample_rate_hz": {"variable": "fs"},
+        "channels": [
+            {"variable": f"data column {k}", "point": k, **sensor}
+            for k in range(1, len(samples) + 1)
+        ],
+    }
+    campaign = {"name": at.isoformat(), "boundary": "as_modelled", "performed_at": at.isoformat()}
+    return api.post(
+        f"structures/{structure}/imports",
+        content=file.getvalue(),
+        headers={"Content-Type": "application/octet-stream"},
+        params={
+            "filename": f"{hour}.npz",
+            "campaign": json.dumps(campaign),
+            "mapping": json.dumps(mapping),
+        },
+    )
+
+
+def _until_judged(here: Floor, monitor: str) -> None:
+    query = select(MonitorSeries.assessed_at).where(MonitorSeries.monitor_id == UUID(monitor))
+    with here.sessions() as session:
+        while session.execute(query).scalar_one_or_none() is None:
+            session.rollback()
+            time.sleep(0.2)
+
+
+def _hourly(
+    here: Floor, workers: list[int], recordings: int, work: Callable[[], None]
+) -> tuple[float, float, float]:
+    """Recordings an hour, and processor seconds of workers and of PostgreSQL for each."""
+    server = int(Path(here.folder, "postgres", "postmaster.pid").read_text().split("\n", 1)[0])
+    before = processor_s(*workers), processor_s(server)
+    seconds = float(timed(work)[1][0])
+    after = processor_s(*workers), processor_s(server)
+    used = [(now - then) / recordings for now, then in zip(after, before, strict=True)]
+    return 3600 * recordings / seconds, used[0], used[1]
