@@ -104,12 +104,20 @@ def watch(
     A line for each file says what became of it. Exit 4 where one could not be read.
     """
     from modalbase.watch.folders import Folders
-    from modalbase.watch.watching import Watch, events_of
+    from modalbase.watch.watching import Happening, Watch, events_of, through_outages
 
-    stop = Event()
-    with laboratory_at(url) as lab:
-        of = lab.structure(structure)
-        stated = _stated(lab, of, mapping, like, boundary, {"kind": kind, "quantity": quantity})
+    stop, how = Event(), {"kind": kind, "quantity": quantity}
+    with laboratory_at(url) as lab, _ended_by_signals(stop):
+
+        def asked() -> tuple[objects.Structure, tuple[dict[str, Any], dict[str, Any]]]:
+            of = lab.structure(structure)
+            return of, _stated(lab, of, mapping, like, boundary, how)
+
+        note = lambda text: _print(vars(Happening("", "outage", text)), as_json)  # noqa: E731
+        there = asked() if once else through_outages(asked, stop, note)
+        if there is None:
+            return
+        of, stated = there
         seen = Folders(folders, pattern or ["*"], rest)
         watching = Watch(
             of,
@@ -118,11 +126,10 @@ def watch(
             lambda happening: _print(vars(happening), as_json),
             again=retry,
         )
-        with _ended_by_signals(stop):
-            if once:
-                watching.run_once(stop)
-            else:
-                watching.run(every, stop)
+        if once:
+            watching.run_once(stop)
+        else:
+            watching.run(every, stop)
     waiting = f", {watching.waiting} wait for covariates" if watching.waiting else ""
     typer.echo(", ".join(events_of(watching.counts)) + waiting, err=True)
     if watching.counts["failed"]:

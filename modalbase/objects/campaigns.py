@@ -91,7 +91,8 @@ class Recording(Thing):
     def transmissibility(self, *references: tuple[int, int]) -> dict[str, Any]:
         """What its sensors do for each unit of one or several of them, as numpy arrays:
         `frequency_hz` (L,), `values` and `variance` (N, R, L), multiple `coherence` (N, L),
-        `responses` and `references` as rows of point and direction.
+        `responses` and `references` as rows of point and direction, and `warnings`, such as which
+        lines are left out.
 
         Args:
             references: point and direction of sensors among the references of the processing;

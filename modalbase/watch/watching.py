@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from modalbase.client.errors import ClientError, Exit
 from modalbase.watch.statements import NotStatedYetError, StatementError
@@ -29,6 +29,7 @@ QUOTA = "MODALBASE_PROJECT_QUOTA_BYTES"  # what a refusal names where the projec
 STOPS = (401, 403, 404)
 """Statuses that concern the key, the role or the structure, and so every file."""
 
+Answer = TypeVar("Answer")
 Outcome = Literal["sent", "read", "known", "failed", "waits", "changed", "outage"]
 
 
@@ -79,19 +80,11 @@ class Watch:
         Raises:
             ClientError: the key, the role or the structure is refused.
         """
-        pause = FIRST_PAUSE_S
         while not stop.is_set():
-            try:
-                self.round(stop)
-            except ClientError as error:
-                if not _is_outage(error):
-                    raise
-                self._note("", "outage", f"{error}; tries again in {pause:g} s")
-                stop.wait(pause)
-                pause = min(2 * pause, LONGEST_PAUSE_S)
-            else:
-                pause = FIRST_PAUSE_S
-                stop.wait(every_s)
+            through_outages(
+                lambda: self.round(stop), stop, lambda text: self._note("", "outage", text)
+            )
+            stop.wait(every_s)
 
     def run_once(self, stop: Event) -> None:
         """Send what is there now, and wait until it is read.
@@ -264,6 +257,33 @@ class Watch:
             if self._unreadable.get(folder) != why:
                 self._note(str(folder), "outage", f"the folder cannot be read: {why}")
         self._unreadable = dict(self.folders.unreadable)
+
+
+def through_outages(
+    ask: Callable[[], Answer], stop: Event, note: Callable[[str], object]
+) -> Answer | None:
+    """What the service answers once it does: outages are waited for, each longer than the last, up
+    to five minutes; None where `stop` was set before.
+
+    Args:
+        ask: asks the service.
+        stop: ends the waiting.
+        note: called with what is wrong and how long is waited.
+
+    Raises:
+        ClientError: the service refuses.
+    """
+    pause = FIRST_PAUSE_S
+    while not stop.is_set():
+        try:
+            return ask()
+        except ClientError as error:
+            if not _is_outage(error):
+                raise
+            note(f"{error}; tries again in {pause:g} s")
+        stop.wait(pause)
+        pause = min(2 * pause, LONGEST_PAUSE_S)
+    return None
 
 
 def _is_outage(error: ClientError) -> bool:

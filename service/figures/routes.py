@@ -24,6 +24,7 @@ from service.figures.measured import (
 from service.figures.responses import spectra_figure, spectra_shown
 from service.figures.tracks import FREQUENCY, covariate_figure, tracks_figure
 from service.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
+from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.coupons.curves import curve_of, series_of
 from service.nouns.coupons.operations import coupon_for
@@ -222,6 +223,15 @@ def get_series_figure(
     single = None if monitor.watches == "modes" and chosen == FREQUENCY else chosen
     document = series_document(session, monitor, version, part_of(begin, end), single)
     if over is not None:
+        stated = {
+            name
+            for each in document["campaigns"]
+            for name in (*CLIMATE, *each["covariates"])
+            if {**each, **each["covariates"]}[name] is not None
+        }
+        if over not in stated:
+            known = ", ".join(sorted(stated)) or "none"
+            raise Invalid("over", f"{over!r} is stated by none of these campaigns; {known} are")
         return request.answer(lambda: covariate_figure(document, chosen, over), chosen)
     if monitor.watches == "modes" and chosen == FREQUENCY:
         return request.answer(lambda: tracks_figure(document), chosen)

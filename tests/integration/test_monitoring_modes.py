@@ -141,6 +141,11 @@ def test_a_change_of_one_percent_raises_one_alarm_that_the_page_explains(
     for figure in ({"parameter": "frequency"}, {"parameter": raised, "over": COVARIATES[0]}):
         drawn = ok(client.get(f"monitors/{monitor}/series/figure", params=figure))
         assert len(drawn["data"]) > 2
+    unknown = {"parameter": raised, "over": "snow_m"}
+    wrong = ok(client.get(f"monitors/{monitor}/series/figure", params=unknown), 422)["errors"]
+    assert (
+        f"stated by none of these campaigns; {', '.join(sorted(COVARIATES))}" in wrong[0]["detail"]
+    )
     shown = ok(client.get(f"monitors/{monitor}"))
     assert (shown["watch"], shown["state"], shown["recipe"]) == ("modes", "alarm", {})
     assert [each["name"] for each in shown["parameters"]] == ["frequency", "damping_ratio"]

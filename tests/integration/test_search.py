@@ -104,6 +104,7 @@ QUESTIONS = [
     ("campaigns", "temperature_c = -3.5", ["cold"]),
     ("campaigns", "covariates.wind_m_s > 2.5", ["warm", "late"]),
     ("campaigns", "covariates.wind_m_s IS NULL", ["unknown"]),
+    ("campaigns", "covariates.temperature_c < 5", ["cold"]),
     ("modes", "campaign.covariates.wind_m_s < 0", ["cold", "cold"]),
     ("campaigns", "boundary IN ('free', 'simply_supported')", ["warm", "unknown"]),
     ("campaigns", "boundary NOT IN ('free')", ["cold", "late"]),

@@ -3,12 +3,14 @@
 import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from threading import Event
 from zoneinfo import ZoneInfo
 
 import pytest
 
-from modalbase.client.errors import ClientError
+from modalbase.client.errors import ClientError, Exit
 from modalbase.commands.watching import _statements
+from modalbase.watch import watching
 from modalbase.watch.folders import Folders
 from modalbase.watch.statements import (
     Covariates,
@@ -124,3 +126,24 @@ def test_a_table_beside_a_file_is_no_recording(tmp_path: Path) -> None:
     beside = Covariates(None, None, None)
     names = frozenset({"a.npz", "a.csv", "b.csv"})
     assert [n for n in sorted(names) if beside.is_beside(tmp_path / n, names)] == ["a.csv"]
+
+
+def test_a_service_that_does_not_answer_is_waited_for_and_one_that_refuses_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(watching, "FIRST_PAUSE_S", 1e-3)
+    answers = iter(
+        [ClientError("no answer", Exit.UNREACHABLE), "there", ClientError("no", status=403)]
+    )
+    notes: list[str] = []
+
+    def ask() -> str:
+        answer = next(answers)
+        if isinstance(answer, ClientError):
+            raise answer
+        return answer
+
+    assert watching.through_outages(ask, Event(), notes.append) == "there"
+    assert notes == ["no answer; tries again in 0.001 s"]
+    with pytest.raises(ClientError, match="no"):
+        watching.through_outages(ask, Event(), notes.append)

@@ -90,6 +90,7 @@ def series_document(
         "parameters": [
             {
                 **row,
+                "timeline": _moments(row["timeline"], part),
                 "unit": unit_of(row["name"]),
                 "count": counts.get(row["name"], 0),
                 "points": points.get(row["name"], []),
@@ -98,6 +99,17 @@ def series_document(
         ],
         "alarms": [_mark(alarm) for alarm in alarms],
     }
+
+
+def _moments(timeline: Sequence[Mapping[str, Any]], part: Part) -> list[Mapping[str, Any]]:
+    """Of a timeline the last moments of a part, at most as many as it has campaigns."""
+    within = [
+        moment
+        for moment in timeline
+        for at in [datetime.fromisoformat(moment["date"])]
+        if (part.begin is None or at >= part.begin) and (part.end is None or at <= part.end)
+    ]
+    return within[-part.limit :]
 
 
 def _versions(session: Session, monitor: Monitor) -> list[dict[str, Any]]:
@@ -233,7 +245,6 @@ def flat_rows(
                 "in_baseline": point.in_baseline,
                 "score": judged.get("score"),
                 "outside": judged.get("outside"),
-                "state": parameter["state"],
                 **{name: getattr(campaign, name) for name in CLIMATE},
                 **campaign.covariates,
             }

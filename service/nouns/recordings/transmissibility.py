@@ -61,6 +61,7 @@ def arrays_of(made: Transmissibilities) -> dict[str, Any]:
         "averages": made.averages,
         "responses": np.array([(dof.point, dof.direction) for dof in made.responses]),
         "references": np.array([(dof.point, dof.direction) for dof in made.references]),
+        "warnings": np.array(list(texts(made.notes)), dtype=np.str_),
     }
 
 

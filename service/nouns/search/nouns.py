@@ -118,10 +118,10 @@ def _other_constant(name: str) -> Field | None:
 def _covariate(name: str) -> Field | None:
     """A covariate that campaigns state by its name, such as `covariates.wind_m_s`."""
     member, _, own = name.partition(".")
-    unit = unit_of_covariate(own)
+    unit = CLIMATE[own].unit if own in CLIMATE else unit_of_covariate(own)
     if member != "covariates" or unit is None:
         return None
-    value = lambda t: t.c.covariates[own].astext.cast(Double)  # noqa: E731
+    value = lambda t: t.c[own] if own in CLIMATE else t.c.covariates[own].astext.cast(Double)  # noqa: E731
     return Field(name, "number", "that campaigns state", unit, value=value, nullable=True)
 
 
