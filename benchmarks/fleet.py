@@ -150,19 +150,19 @@ def hourly(recordings: int = 24, seconds: int = 600) -> None:
     with floor() as here, here.client("hourly") as api:
         project = posted(api, "projects", {"name": "hourly"})["id"]
         workers = [here.modalbase("worker")]
-        for count in (1, 2):
+        # a few first that do not count, so that every worker has loaded what it needs
+        for count, hours in ((1, 4), (1, recordings), (2, 8), (2, recordings)):
             workers += [here.modalbase("worker") for _ in range(count - len(workers))]
             time.sleep(8)  # until it is there
-            structure = posted(api, f"projects/{project}/structures", {"name": str(count)})["id"]
-            watch = {"name": "deck", "watch": "modes", "baseline": {"campaigns": 10}}
-            monitor = posted(api, f"structures/{structure}/monitors", {**watch, "runs_on": "hand"})[
-                "id"
-            ]
+            name = f"{count} {hours}"
+            structure = posted(api, f"projects/{project}/structures", {"name": name})["id"]
+            watch = {"name": "deck", "watch": "modes", "runs_on": "hand"}
+            monitor = posted(api, f"structures/{structure}/monitors", watch)["id"]
 
-            def read(structure: str = structure) -> None:
+            def read(structure: str = structure, hours: int = hours) -> None:
                 sent = [
                     _send(api, structure, np.roll(made[hour % 2], 1000 * hour, axis=1), hour)
-                    for hour in range(recordings)
+                    for hour in range(hours)
                 ]
                 for each in sent:
                     ended(api, each)
@@ -172,11 +172,9 @@ def hourly(recordings: int = 24, seconds: int = 600) -> None:
                 _until_judged(here, monitor)
 
             pids = [worker.pid for worker in workers]
-            table.row(
-                count,
-                *_hourly(here, pids, recordings, read),
-                *_hourly(here, pids, recordings, judge),
-            )
+            found = (*_hourly(here, pids, hours, read), *_hourly(here, pids, hours, judge))
+            if hours == recordings:
+                table.row(count, *found)
 
 
 def _send(api: httpx.Client, structure: str, samples: FloatArray, hour: int) -> httpx.Response:

@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import delete, func, select, text, update
 
 from service.platform.access.tables import Project
-from service.platform.db.engine import Sessions
+from service.platform.db.engine import Sessions, make_engine, make_sessions
 from service.platform.queue.dispatch import begin_next
 from service.platform.queue.queue import enqueue, request_cancel
 from service.platform.queue.tables import Job
@@ -174,6 +174,16 @@ def test_two_workers_share_without_doing_anything_twice(works: Works) -> None:
         jobs = [wait(works.sessions, job_id) for job_id in put(works.sessions, "echo", 20)]
     assert {(job.state, job.attempt) for job in jobs} == {("succeeded", 1)}
     assert all(len(items(works.sessions, job.id)) == 2 for job in jobs)
+
+
+def test_the_next_job_begins_when_one_ends(database: str) -> None:
+    """A worker that waited for its next look idled half a second after each job."""
+    engine = make_engine(database)
+    with worker(database, work="work_that_hears_alone"):
+        sessions = make_sessions(engine)
+        jobs = [wait(sessions, job_id) for job_id in put(sessions, "echo", 4)]
+    engine.dispose()
+    assert {job.state for job in jobs} == {"succeeded"}
 
 
 def test_worker_comes_back_when_the_database_cut_it_off(works: Works) -> None:

@@ -13,6 +13,7 @@ from procrastinate.manager import JobManager, NotificationCallback
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+import service.platform.queue.worker
 from service.nouns.updates.tables import UpdateJob
 from service.platform.access.tables import AuditEvent
 from service.platform.db.engine import make_engine, make_sessions
@@ -96,6 +97,12 @@ def work() -> None:
     """Be a worker of these kinds; settings from the environment."""
     configure_logs(Settings())
     run_worker(Settings(), tuple(KINDS.values()))
+
+
+def work_that_hears_alone() -> None:
+    """Be a worker that never looks for tickets whose notice did not come."""
+    service.platform.queue.worker.LOOK_SECONDS = 1e6
+    work()
 
 
 def work_where_an_abort_comes_first() -> None:

@@ -59,6 +59,7 @@ class Manager(JobManager):
         self.running: dict[int, Job] = {}
         self.abortable: set[int] = set()
         self.draining = self.unsure = False
+        self._notify: NotificationCallback | None = None  # the engine, which looks for tickets then
 
     async def unregister_worker(self, worker_id: int) -> None:
         """Leave the engine's list, where the database answers."""
@@ -72,13 +73,17 @@ class Manager(JobManager):
     async def fetch_job(self, queues: Iterable[str] | None, worker_id: int) -> jobs.Job | None:
         """Begin the job whose turn it is, and fetch its ticket."""
         self._worker_id = worker_id
-        try:
-            return (
-                None if self.draining else await asyncio.to_thread(self._fetch, queues, worker_id)
-            )
-        except DBAPIError as error:
-            self._outlive(error)
-            return None
+        while not self.draining:
+            before = set(self.running)
+            try:
+                ticket = await asyncio.to_thread(self._fetch, queues, worker_id)
+            except DBAPIError as error:
+                self._outlive(error)
+                return None
+            # the engine forgets a notice that comes while it looks, such as of a place
+            if ticket is not None or before <= self.running.keys():
+                return ticket
+        return None
 
     def _fetch(self, queues: Iterable[str] | None, worker_id: int) -> jobs.Job | None:
         if self.unsure:
@@ -99,7 +104,14 @@ class Manager(JobManager):
         return [REQUESTS] if queues is None or REQUESTS in queues else []
 
     async def finish_job(self, job: jobs.Job, status: jobs.Status, delete_job: bool) -> None:
-        """Nothing: the ticket has ended with its job."""
+        """Look for the next job at once: the engine stopped looking while every place but that of
+        requests was taken. The ticket has ended with its job.
+        """
+        del status, delete_job
+        if self._notify is not None and job.id is not None:
+            await self._notify(
+                channel="", notification=jobs.JobInserted(type="job_inserted", job_id=job.id)
+            )
 
     async def list_jobs_to_abort_async(self, queue: str | None = None) -> Iterable[int]:
         """Tickets of jobs that were cancelled, or that another worker has now."""
@@ -141,6 +153,7 @@ class Manager(JobManager):
             if notification["type"] == "job_inserted" or notification["job_id"] in self.abortable:
                 await on_notification(channel=channel, notification=notification)
 
+        self._notify = on_notification
         while True:
             try:
                 await super().listen_for_jobs(on_notification=pass_on, queues=queues)
