@@ -199,7 +199,7 @@ RESULTS: dict[str, Body] = {
     "GET /monitors/{monitor_id}/series/figure": Body(
         {
             "parameter": "a0",
-            "over": "wind_m_s",
+            "over": "temperature_c",
             "series": To(99, status=404),
             "from": Refused("2025-01-01T00:00:00"),
             "to": Refused("2025-01-01T00:00:00"),

@@ -90,7 +90,7 @@ def series_document(
         "parameters": [
             {
                 **row,
-                "timeline": _moments(row["timeline"], part),
+                "timeline": _moments(row.get("timeline", ()), part),
                 "unit": unit_of(row["name"]),
                 "count": counts.get(row["name"], 0),
                 "points": points.get(row["name"], []),
