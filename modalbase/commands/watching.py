@@ -99,7 +99,7 @@ def watch(
     url: Url = None,
 ) -> None:
     """Send each file that appears as a campaign of its own; processing and monitors follow by
-    themselves. Nothing is sent twice: the service is first_answers for its SHA-256.
+    themselves. Nothing is sent twice: the service is asked for its SHA-256.
 
     A line for each file says what became of it. Exit 4 where one could not be read.
     """
@@ -114,7 +114,7 @@ def watch(
             return of, _stated(lab, of, mapping, like, boundary, how)
 
         note = lambda text: _print(vars(Happening("", "outage", text)), as_json)  # noqa: E731
-        there = first_answers() if once else through_outages(asked, stop, note)
+        there = first_answers() if once else through_outages(first_answers, stop, note)
         if there is None:
             return
         of, stated = there
@@ -138,7 +138,7 @@ def watch(
 
 @contextmanager
 def _ended_by_signals(stop: Event) -> Iterator[None]:
-    """What runs ends after the file that it is at, where the process is first_answers to end."""
+    """What runs ends after the file that it is at, where the process is asked to end."""
     endings = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(each, lambda *_: stop.set()) for each in endings]
     try:
