@@ -24,7 +24,6 @@ from service.figures.measured import (
 from service.figures.responses import spectra_figure, spectra_shown
 from service.figures.tracks import FREQUENCY, covariate_figure, tracks_figure
 from service.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
-from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.coupons.curves import curve_of, series_of
 from service.nouns.coupons.operations import coupon_for
@@ -33,7 +32,7 @@ from service.nouns.frfs.routes import FrfFilter, Hertz
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.monitors.operations import series_for
 from service.nouns.monitors.parameters import From, To, Version, part_of
-from service.nouns.monitors.presentation import series_document
+from service.nouns.monitors.presentation import series_document, stated_covariates
 from service.nouns.monitors.runs import monitor_for
 from service.nouns.records.routes import Whole
 from service.nouns.search.nouns import NOUNS
@@ -92,9 +91,9 @@ def get_campaign_figure(
         Seconds, Query(description="of `hits`: samples up to here are drawn one by one, s")
     ] = None,
 ) -> Response:
-    """A figure of a campaign: the first `frf` that matches; the `hits` of a point: good ones alike, bad ones with what
-    was found against them; or the singular values of the `spectra` of recordings of responses, with
-    the modes of the newest mode set that was found in them.
+    """A figure of a campaign: the first `frf` that matches; the `hits` of a point: good ones alike,
+    bad ones with what was found against them; or the singular values of the `spectra` of recordings
+    of responses, with the modes of the newest mode set that was found in them.
 
     Hits are judged as the newest processing judged them; before one, among themselves.
     """
@@ -139,8 +138,8 @@ def get_mode_set_figure(
         ),
     ] = None,
 ) -> Response:
-    """A figure of a mode set: its `shapes` at the measured points; or its `mac` with another one, where both
-    have shapes.
+    """A figure of a mode set: its `shapes` at the measured points; or its `mac` with another one,
+    where both have shapes.
     """
     first = mode_set_for(session, user, mode_set_id)
     require_figure(name, *_MODE_SET_FIGURES)
@@ -164,8 +163,8 @@ def get_coupon_figure(
     user: CurrentUser,
     request: FigureRequestDep,
 ) -> Response:
-    """A figure of a specimen, `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039
-    the transverse strain.
+    """A figure of a specimen, `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 %
+    offset, of D3039 the transverse strain.
     """
     coupon = coupon_for(session, user, coupon_id)
     require_figure(name, "curve")
@@ -223,13 +222,7 @@ def get_series_figure(
     single = None if monitor.watches == "modes" and chosen == FREQUENCY else chosen
     document = series_document(session, monitor, version, part_of(begin, end), single)
     if over is not None:
-        stated = {
-            name
-            for each in document["campaigns"]
-            for name in (*CLIMATE, *each["covariates"])
-            if {**each, **each["covariates"]}[name] is not None
-        }
-        if over not in stated:
+        if over not in (stated := stated_covariates(document)):
             known = ", ".join(sorted(stated)) or "none"
             raise Invalid("over", f"{over!r} is stated by none of these campaigns; {known} are")
         return request.answer(lambda: covariate_figure(document, chosen, over), chosen)

@@ -121,8 +121,8 @@ def change_monitor(
     request: Request,
     response: Response,
 ) -> MonitorOut:
-    """Change a monitor: its name, a receiver, the expected interval, or put a monitor at rest. What decides is
-    frozen.
+    """Change a monitor: its name, a receiver, the expected interval, or whether it is at rest. What
+    decides is frozen.
     """
     monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
     require_match(request, etag_of(nouns.shown(session, monitor)))
@@ -223,8 +223,8 @@ def get_series_rows(
     limit: Annotated[int, Query(ge=1, le=10_000, description="at most so many rows")] = 1000,
 ) -> Any:
     """The series as flat rows, one for each value, with ISO times, in the order of time: what the
-    JSON and Infinity sources of Grafana read; or as Parquet, whose next
-    page stands in the header `Link`.
+    JSON and Infinity sources of Grafana read; or as Parquet, whose next page stands in the header
+    `Link`.
     """
     monitor = monitor_for(session, user, monitor_id)
     version = monitors.series_for(session, monitor, series)

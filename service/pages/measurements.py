@@ -15,7 +15,6 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from service.figures.measured import AXES
 from service.monitoring import routes as monitoring
 from service.nouns.campaigns import routes as campaigns
-from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaign_for, campaigns_of, frame_of, stored_points
 from service.nouns.campaigns.schemas import Boundary, CampaignOut
 from service.nouns.coupons import routes as coupons
@@ -29,6 +28,7 @@ from service.nouns.modes.operations import mode_set_for
 from service.nouns.modes.schemas import ModeSetOut
 from service.nouns.monitors.live import look_at_monitors
 from service.nouns.monitors.points import Part
+from service.nouns.monitors.presentation import stated_covariates
 from service.nouns.monitors.schemas import AlarmOut
 from service.nouns.recordings import routes as recordings
 from service.nouns.records import routes as records
@@ -401,19 +401,16 @@ def get_monitor(
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
     newest = Part(limit=MOST_WATCHED)
     document = monitoring.get_series(monitor_id, visit.session, visit.user, newest, series)
-    measured = {each["campaign_id"]: each for each in document["campaigns"]}
     shown_runs = monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items
-    keys = {UUID(key) for note in document["notes"] for key in _KEYS.findall(note)}
+    noted = [document, *document["parameters"]]
+    keys = {UUID(key) for each in noted for note in each["notes"] for key in _KEYS.findall(note)}
     keys.update(run.campaign_id for run in shown_runs)
     named = {str(key): row for key, row in campaigns_of(visit.session, [*keys]).items()}
-    document["notes"] = [_with_names(note, named) for note in document["notes"]]
+    for each in noted:
+        each["notes"] = [_with_names(note, named) for note in each["notes"]]
     rows = document["parameters"]
     calling = [row["name"] for row in rows if row["state"] in ("alarm", "pending")]
-    stated = {
-        name
-        for each in measured.values()
-        for name in (*each["covariates"], *(n for n in CLIMATE if each[n] is not None))
-    }
+    stated = stated_covariates(document)
     now = look_at_monitors(visit.session, {monitor_id}).get(monitor_id)
     return visit.show(
         "monitor.html",

@@ -404,7 +404,13 @@ class Furnishing:
         """A judged series of the monitor, which otherwise takes many campaigns."""
         monitor = UUID(self.lab.ids["monitor_id"])
         campaigns = [UUID(self.lab.ids[f"{name}campaign_id"]) for name in ("", "second_")]
-        parameter = {"name": "Ex", "state": "no data", "baseline": None}
+        parameter = {
+            "name": "Ex",
+            "state": "no data",
+            "baseline": None,
+            "timeline": [],
+            "notes": [],
+        }
         document = {"state": "no data", "notes": [], "parameters": [parameter]}
         tables = Base.metadata.tables
         with self.sessions.begin() as session:

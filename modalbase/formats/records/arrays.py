@@ -54,6 +54,17 @@ def columns_of(name: str, shape: Sequence[int]) -> list[str]:
     return [f"{name} column {k}" for k in range(1, count + 1)]
 
 
+def channels_of(name: str, shape: Sequence[int]) -> list[str]:
+    """Names of the channels of an array: itself where it has one dimension, or its columns; none of
+    another one, or of a single number.
+
+    >>> channels_of("acc", (1, 30000)), channels_of("data", (30000, 2)), channels_of("cube", (9, 9, 9))
+    (['acc'], ['data column 1', 'data column 2'], [])
+    """
+    sides = [n for n in shape if n != 1]
+    return [] if 0 in sides else [name] if len(sides) == 1 else columns_of(name, sides)
+
+
 def array_of(name: str) -> str:
     """The array of which a name is a column, or itself."""
     parts = _COLUMN.fullmatch(name)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import Variables, columns_of, real
+from modalbase.formats.records.arrays import Variables, channels_of, real
 from modalbase.formats.records.npz import Channel, NpzRecording
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.registry import FORMATS
@@ -146,15 +146,14 @@ def open_hdf5(path: Path) -> Hdf5Recording:
     with opened(path) as file:
         small = attributes(file)
         for name, dataset in datasets(file):
-            sides = [side for side in dataset.shape if side != 1]
-            columns = columns_of(name, sides) or ([name] if len(sides) == 1 else [])
-            if dataset.dtype.kind in "fiuc" and columns and 0 not in sides:
+            columns = channels_of(name, dataset.shape)
+            if dataset.dtype.kind in "fiuc" and columns:
                 if (size := dataset.size * dataset.dtype.itemsize) > most:
                     raise FormatError(
                         name, f"claims {size} bytes, more than any measurement of this file's size"
                     )
                 for k, own in enumerate(columns):
-                    channels[own] = Channel(name, dataset.dtype, max(sides), k)
+                    channels[own] = Channel(name, dataset.dtype, max(dataset.shape), k)
             if dataset.size <= _SMALL and (values := whole(name, dataset)) is not None:
                 small[name] = values
     if not channels:

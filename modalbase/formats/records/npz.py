@@ -17,7 +17,7 @@ from modalbase.formats.npy import ARRAY, Head, arrays_of, head_of, named, read_a
 from modalbase.formats.records.arrays import (
     Variables,
     axis_rate,
-    columns_of,
+    channels_of,
     rate_among,
     real,
     sampling_rate,
@@ -180,11 +180,11 @@ def _recording(path: Path, channels: dict[str, Channel], small: Variables) -> Np
 def _channels(name: str, head: Head, present: int) -> dict[str, Channel]:
     """Those of an array of so many bytes: itself, or its columns."""
     sides = [int(n) for n in head.shape if n != 1]
-    names = columns_of(name, sides)
-    if head.dtype.kind not in "fiuc" or not (names or len(sides) == 1) or 0 in sides:
+    names = channels_of(name, sides)
+    if head.dtype.kind not in "fiuc" or not names:
         return {}
     head.require_present(name, present)
-    if not names:
+    if len(sides) == 1:
         return {name: Channel(name, head.dtype, sides[0])}
     length, count = max(sides), len(names)
     # the last axis lies together, or the first

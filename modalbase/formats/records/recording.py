@@ -19,7 +19,7 @@ import numpy as np
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.arrays import (
     Variables,
-    columns_of,
+    channels_of,
     described,
     rate_among,
     sampling_rate,
@@ -93,10 +93,7 @@ class Arrays:
     def names(self) -> list[str]:
         """Of the channels."""
         return [
-            name
-            for own, array in self.variables.items()
-            if array.size > 1
-            for name in ([own] if np.squeeze(array).ndim == 1 else columns_of(own, array.shape))
+            name for own, array in self.variables.items() for name in channels_of(own, array.shape)
         ]
 
     def shapes(self) -> dict[str, str]:

@@ -191,8 +191,8 @@ coupons.listing(
 
 @router.get("/coupon-batches/{batch_id}/summary")
 def get_summary(batch_id: UUID, session: SessionDep, user: CurrentUser) -> Summary:
-    """Statistics of a batch: mean, n-1 standard deviation and coefficient of variation of each property, and the constants
-    that follow.
+    """Statistics of a batch: mean, n-1 standard deviation and coefficient of variation of each
+    property, and the constants that follow.
     """
     return operations.summarise(session, operations.batch_for(session, user, batch_id))
 

@@ -90,7 +90,7 @@ def series_document(
         "parameters": [
             {
                 **row,
-                "timeline": _moments(row.get("timeline", ()), part),
+                "timeline": _moments(row["timeline"], part),
                 "unit": unit_of(row["name"]),
                 "count": counts.get(row["name"], 0),
                 "points": points.get(row["name"], []),
@@ -110,6 +110,15 @@ def _moments(timeline: Sequence[Mapping[str, Any]], part: Part) -> list[Mapping[
         if (part.begin is None or at >= part.begin) and (part.end is None or at <= part.end)
     ]
     return within[-part.limit :]
+
+
+def stated_covariates(document: Mapping[str, Any]) -> set[str]:
+    """Names of the covariates, and of the climate, that campaigns of a series' document state."""
+    return {
+        name
+        for each in document["campaigns"]
+        for name in (*each["covariates"], *(n for n in CLIMATE if each[n] is not None))
+    }
 
 
 def _versions(session: Session, monitor: Monitor) -> list[dict[str, Any]]:

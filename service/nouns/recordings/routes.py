@@ -1,23 +1,21 @@
 """Routes of recordings of responses, and of their spectra."""
 
-import itertools
 from collections.abc import Iterator
-from typing import IO, Annotated, Any
+from functools import partial
+from typing import Annotated, Any
 from uuid import UUID
 
-import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 from pydantic import Field
-from sqlalchemy.orm import Session
 
 from fecore.frf import Dof
 from fecore.signal import HalfSpectra
 from modalbase.formats import uff
 from modalbase.formats.arrays_out import ARRAY_WRITERS
-from modalbase.formats.uff.write import encode
 from service.nouns.campaigns.operations import stored_points
 from service.nouns.recordings import transmissibility
+from service.nouns.recordings.functions import function_of, write_functions
 from service.nouns.recordings.operations import (
     Recording,
     arrays_of,
@@ -82,7 +80,7 @@ def get_recording_spectra(
     arrays = columns_of if form == "parquet" else arrays_of
     return spooled(
         lambda file: (
-            _write_uff(session, row, spectra, file)
+            write_functions(stored_points(session, row.campaign_id), _functions(row, spectra), file)
             if form == "uff"
             else ARRAY_WRITERS[form].write(arrays(spectra), file)
         ),
@@ -126,7 +124,7 @@ def get_recording_transmissibility(
     arrays = transmissibility.columns_of if columns else transmissibility.arrays_of
     return spooled(
         lambda file: (
-            transmissibility.write_uff(made, row.filename, points, file)
+            write_functions(points, transmissibility.functions_of(made, row.filename), file)
             if form == "uff"
             else ARRAY_WRITERS[form].write(arrays(made), file)
         ),
@@ -182,44 +180,12 @@ def _unit(spectra: HalfSpectra) -> str:
     return f"({UNITS[spectra.quantity].replace('²', '^2')})^2/Hz"
 
 
-def _write_uff(session: Session, row: Recording, spectra: HalfSpectra, file: IO[bytes]) -> None:
-    """Write grid points, an auto spectrum of each sensor, and each cross spectrum."""
-    points: Iterator[uff.Content] = (
-        uff.GridPoint(label, xyz) for label, xyz in stored_points(session, row.campaign_id).items()
-    )
-    for block in encode(itertools.chain(points, _functions(row, spectra))):
-        file.write(block)
-
-
 def _functions(row: Recording, spectra: HalfSpectra) -> Iterator[uff.Function]:
-    lines = spectra.frequency_hz
-    axis = uff.Axis(float(lines[0]), 0.0, lines.size, lines)
+    """An auto spectrum of each sensor, and each cross spectrum."""
+    own = partial(function_of, row.filename, frequency_hz=spectra.frequency_hz, unit=_unit(spectra))
     for number, dof in enumerate(spectra.responses):
-        yield _function(row, spectra, axis, (dof, dof), spectra.autos[number])
+        yield own((dof, dof), values=spectra.autos[number], function_type=AUTO)
         for column, reference in enumerate(spectra.references):
             if reference != dof:
                 cross = spectra.crosses[number, column]
-                yield _function(row, spectra, axis, (dof, reference), cross)
-
-
-def _function(
-    row: Recording,
-    spectra: HalfSpectra,
-    axis: uff.Axis,
-    pair: tuple[Dof, Dof],
-    values: np.ndarray[Any, Any],
-) -> uff.Function:
-    return uff.Function(
-        dataset=0,
-        label=row.filename,
-        id_lines=(row.filename, "NONE", "NONE", "NONE", "NONE"),
-        function_type=AUTO if pair[0] == pair[1] else CROSS,
-        response_point=pair[0].point,
-        response_direction=pair[0].direction,
-        reference_point=pair[1].point,
-        reference_direction=pair[1].direction,
-        abscissa=axis,
-        abscissa_unit="Hz",
-        values=values,
-        unit=_unit(spectra),
-    )
+                yield own((dof, reference), values=cross, function_type=CROSS)

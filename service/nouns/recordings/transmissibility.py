@@ -3,8 +3,8 @@ UFF.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from typing import IO, Any
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from fecore.findings import texts
 from fecore.frf import Dof
 from fecore.signal import HalfSpectra, Transmissibilities, transmissibilities
 from modalbase.formats import uff
-from modalbase.formats.uff.write import encode
+from service.nouns.recordings.functions import function_of
 from service.nouns.recordings.schemas import SensorOut, TransmissibilityOut
 
 TYPE = 5
@@ -84,23 +84,8 @@ def columns_of(made: Transmissibilities) -> dict[str, Any]:
     }
 
 
-def write_uff(
-    made: Transmissibilities,
-    label: str,
-    points: Mapping[int, tuple[float, float, float]],
-    file: IO[bytes],
-) -> None:
-    """Write grid points, and each transmissibility with its multiple coherence; those of a reference
-    with itself are left out.
-    """
-    placed: Iterator[uff.Content] = (uff.GridPoint(name, xyz) for name, xyz in points.items())
-    for block in encode(itertools.chain(placed, _functions(made, label))):
-        file.write(block)
-
-
-def _functions(made: Transmissibilities, label: str) -> Iterator[uff.Function]:
-    hz = made.frequency_hz
-    axis = uff.Axis(float(hz[0]), 0.0, hz.size, hz)
+def functions_of(made: Transmissibilities, label: str) -> Iterator[uff.Function]:
+    """Each with its multiple coherence; those of a reference with itself are left out."""
     for row, response in enumerate(made.responses):
         for column, reference in enumerate(made.references):
             if response in made.references:
@@ -109,19 +94,8 @@ def _functions(made: Transmissibilities, label: str) -> Iterator[uff.Function]:
                 (TYPE, made.values[row, column]),
                 (uff.COHERENCE, made.coherence[row]),
             ):
-                yield uff.Function(
-                    dataset=0,
-                    label=label,
-                    id_lines=(label, "NONE", "NONE", "NONE", "NONE"),
-                    function_type=kind,
-                    response_point=response.point,
-                    response_direction=response.direction,
-                    reference_point=reference.point,
-                    reference_direction=reference.direction,
-                    abscissa=axis,
-                    abscissa_unit="Hz",
-                    values=values,
-                    unit="",
+                yield function_of(
+                    label, (response, reference), made.frequency_hz, values, function_type=kind
                 )
 
 
