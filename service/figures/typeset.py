@@ -1,6 +1,6 @@
 """A document on paper: a template of Typst, what it says, figures as vectors, photographs.
 
-It runs in a child process (`read_in_subprocess`): photographs are what a client sent, and neither
+It runs in a child process (`in_subprocess`): photographs are what a client sent, and neither
 Typst nor matplotlib shall stay in the memory of the API. Nothing is fetched: fonts are those that
 come with matplotlib, which the figures are lettered in too.
 """

@@ -14,13 +14,14 @@ from service.pages.forms import page_words
 from service.pages.look import page
 from service.platform.access import CurrentUser
 from service.platform.errors import PayloadTooLarge, ServiceError
-from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.subprocess_read import in_subprocess
 from service.platform.web.admission import without_slot
 from service.platform.web.routing import UI, page_router
 from service.platform.web.uploads import UploadDep
 from service.tasks.look.compute import FileLook, look_at
 
 router = page_router(UI)
+_look_at = in_subprocess(look_at)
 
 
 @router.post("/files")
@@ -35,7 +36,7 @@ async def look_at_file(
     look, fault, large = FileLook(), "", False
     try:
         async with without_slot(request.scope):
-            look = await read_in_subprocess(look_at, sent.file.path, filename, kind)
+            look = await _look_at(sent.file.path, filename, kind)
     except PayloadTooLarge:
         large = True
     except (ServiceError, FecoreError) as error:

@@ -19,13 +19,14 @@ from service.nouns.structures.models import model_in_short
 from service.nouns.structures.operations import describe_version, structure_of, version_of
 from service.nouns.updates.operations import update_job_for
 from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router, project_for
-from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.subprocess_read import in_subprocess
 from service.platform.web.downloads import disposition
 from service.reports.bodies import bodies_figure
 from service.reports.figure_data import UpdateFigures
 from service.reports.figures import FIGURES, draw_sheets
 
 router = api_router(tags=["update jobs"])
+_typeset = in_subprocess(typeset)
 
 FOLDER = Path(__file__).parent / "templates"
 DRAWN_AS_TABLE = "parameters"  # a figure that the table of the report has in its rows
@@ -83,7 +84,7 @@ def get_report(
     template, style = (FOLDER.joinpath(f"report.{each}").read_bytes() for each in ("typ", "css"))
     figures = {f"{each}-{k}": one for each in sheets for k, one in enumerate(sheets[each])}
     document = Document(template, style, content, figures, photos)
-    made = from_thread.run(read_in_subprocess, typeset, document, file_format)
+    made = from_thread.run(_typeset, document, file_format)
     headers = {
         "Content-Disposition": disposition(
             _filename(f"{name} {campaign.name}", file_format), inline=True

@@ -24,7 +24,7 @@ from service.nouns.structures.model_routes import MESH_FILES, MeshForm
 from service.nouns.updates.operations import joint_update_for, update_job_for
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
-from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.subprocess_read import in_subprocess
 from service.platform.web.downloads import spooled
 from service.platform.web.parameters import form_of, not_modified
 from service.reports.decks import SUFFIXES, Element, Program, deck_order, written_deck
@@ -42,6 +42,7 @@ from service.reports.space import (
 )
 
 router = api_router(tags=["update jobs"])
+_updated = in_subprocess(updated_deck)
 
 Mode = Annotated[int | None, Query(ge=1, le=10_000)]
 _OF_FIGURES = {name for figure in FIGURES.values() for name in figure.query}
@@ -116,7 +117,7 @@ def get_deck(job_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
     model of the joints of walls.
     """
     order = deck_order(session, update_job_for(session, user, job_id))
-    content = from_thread.run(read_in_subprocess, updated_deck, order)
+    content = from_thread.run(_updated, order)
     return spooled(
         lambda file: _write(file, content),
         "application/octet-stream",

@@ -34,7 +34,7 @@ from service.nouns.coupons.schemas import (
 from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router
 from service.platform.access.nouns import NounRoutes
 from service.platform.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
-from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.subprocess_read import in_subprocess
 from service.platform.web import IF_MATCH, Confirm, Page, etag_of, require_match, require_usual
 from service.platform.web.admission import without_slot
 from service.platform.web.json_body import checked, parse_json
@@ -44,6 +44,7 @@ from service.platform.web.parameters import form_of
 from service.platform.web.uploads import multipart
 
 MOST_COUPONS = 1000
+_reduce = in_subprocess(reduce_curve)
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ async def _curve(request: Request, limit: int) -> RawCurve:
             await run_in_threadpool(shutil.copyfileobj, form.file.file, file)
             file.flush()
             async with without_slot(request.scope):
-                reduced = await read_in_subprocess(reduce_curve, Path(file.name), sent)
+                reduced = await _reduce(Path(file.name), sent)
             data = await run_in_threadpool(Path(file.name).read_bytes)
         return RawCurve(sent, form.filename or "curve.csv", data, reduced)
 

@@ -9,7 +9,7 @@ from anyio import from_thread
 from pydantic import Field
 
 from fecore.body.align import Motion
-from service.compute.models.alignment import Distances, distances, motions_of
+from service.compute.models.alignment import distances, motions_of
 from service.nouns.campaigns.operations import campaign_for, stored_points
 from service.nouns.campaigns.schemas import Coordinate, FrameIn
 from service.nouns.frfs.data import specimen_points
@@ -18,10 +18,11 @@ from service.nouns.updates.bodies import body_for
 from service.nouns.updates.schemas import USUAL
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
-from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.subprocess_read import in_subprocess
 from service.platform.web import LongList, RequestModel, StrictModel, example
 
 router = api_router(tags=["campaigns"])
+_distances, _motions = in_subprocess(distances), in_subprocess(motions_of)
 
 
 class AlignedPointOut(StrictModel):
@@ -57,7 +58,7 @@ def get_alignment(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> 
     if not places:
         return AlignmentOut(rms_m=None, off=[], items=[])
     points = np.array(list(places.values()))
-    offsets: Distances = from_thread.run(read_in_subprocess, distances, body, points)
+    offsets = from_thread.run(_distances, body, points)
     items = [
         AlignedPointOut(
             label=label,
@@ -149,9 +150,7 @@ def find_alignment(
         places = {pair.label: places[pair.label] for pair in body.pairs}
         targets = np.array([(pair.x_m, pair.y_m, pair.z_m) for pair in body.pairs])
     points = np.array(list(places.values())).reshape(-1, 3)
-    motions: tuple[Motion, ...] = from_thread.run(
-        read_in_subprocess, motions_of, model, points, targets
-    )
+    motions = from_thread.run(_motions, model, points, targets)
     return FoundFramesOut(
         frames=[_frame(motion, list(places)) for motion in motions], sentence=_sentence(motions)
     )

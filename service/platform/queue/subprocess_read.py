@@ -6,43 +6,53 @@ files do not keep everybody else waiting.
 """
 
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any, ParamSpec, TypeVar
 
 from anyio import CapacityLimiter, to_thread
 
 from fecore.errors import FecoreError
 from service.platform.errors import PayloadTooLarge, ServiceError
 from service.platform.queue.child import Failure, Item, Order
-from service.platform.queue.kinds import Reporter
+from service.platform.queue.kinds import CORE_LIBRARIES, Reporter
 from service.platform.queue.process import Child, ChildEnded, preload
 
 MEMORY_BYTES = 1024 * 1024 * 1024
 SECONDS = 60.0
 AT_ONCE = 2
 
+Given, Made = ParamSpec("Given"), TypeVar("Made")
 _threads = CapacityLimiter(AT_ONCE)
+_modules: set[str] = set(CORE_LIBRARIES)
+"""Of all that is read, which are loaded before children are forked: to load scipy or schemas in each
+child takes it 0.5 s.
+"""
 
 
-async def read_in_subprocess(function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function at the top of a module makes of its arguments, which pickle, as the result
-    does.
+def in_subprocess(function: Callable[Given, Made]) -> Callable[Given, Coroutine[Any, Any, Made]]:
+    """A function at the top of a module, whose arguments and result pickle, as one that runs in a
+    child process.
 
-    Raises:
-        ServiceError, FecoreError: what the function raised.
-        PayloadTooLarge: it takes more memory or time than the reading of a body may.
+    It raises what the function raised (ServiceError, FecoreError), and PayloadTooLarge where it
+    takes more memory or time than the reading of a body may.
     """
-    return await to_thread.run_sync(_read, function, arguments, limiter=_threads)
+    _modules.add(function.__module__)
+
+    async def read(*arguments: Given.args, **_: Given.kwargs) -> Made:
+        made: Made = await to_thread.run_sync(_read, function, arguments, limiter=_threads)
+        return made
+
+    return read
 
 
 def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    preload([function.__module__], threads=1)
+    preload(_modules, threads=1)
     # a request waits for it
     order = Order(_call, (function, arguments), None, MEMORY_BYTES, niceness=0)
     try:
         child = Child(order)
     except ChildEnded:  # the server that it is forked from was killed; another one is started
-        preload([function.__module__], threads=1)
+        preload(_modules, threads=1)
         child = Child(order)
     late = Failure(
         "time",

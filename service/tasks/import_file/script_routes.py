@@ -40,7 +40,7 @@ from service.platform.errors import (
     UnsupportedMediaType,
 )
 from service.platform.queue.events import ChangesDep, shown
-from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.subprocess_read import in_subprocess
 from service.platform.queue.tables import Job
 from service.platform.web import Page, shown_as
 from service.platform.web.admission import without_slot
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from service.nouns.imports.operations import Import
 
 router = api_router(tags=[])
+_rows = in_subprocess(write_rows)
 
 _TIME = np.arange(64) / 1024.0
 _HIT = np.where(_TIME < 0.008, np.sin(np.pi * _TIME / 0.008), 0.0)
@@ -297,7 +298,7 @@ async def _frfs(
         with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
             path = Path(rows.name)
             async with without_slot(request.scope):
-                count = await read_in_subprocess(write_rows, upload.file.path, path)
+                count = await _rows(upload.file.path, path)
             yield frfs.NewFrfs(path, count, upload.file.sha256.hex())
         return
     form = (FRF_TYPES | UNNAMED).get(upload.content_type)

@@ -29,12 +29,13 @@ from service.nouns.updates.bodies import coupon_constants, joint_body
 from service.nouns.updates.schemas import USUAL, InputsIn
 from service.platform.access import CurrentUser, SessionDep, User, api_router
 from service.platform.errors import Invalid
-from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.subprocess_read import in_subprocess
 from service.platform.web import Id, Name, RequestModel, StrictModel, example
 from service.tasks.plan.compute import PlanOrder, compute_plan
 from service.tasks.update.loading import carried_masses, modes_in_frame
 
 router = api_router(tags=["update jobs"])
+_plan = in_subprocess(compute_plan)
 
 Hertz = Annotated[float, Field(gt=0, le=1e6)]
 Place = (
@@ -353,4 +354,4 @@ def plan(structure_id: UUID, body: PlanIn, session: SessionDep, user: CurrentUse
     Nothing is stored; send it again with each new campaign in `made`. It takes a minute at most.
     """
     order = order_of(session, user, structure_id, body)
-    return PlanOut.model_validate(from_thread.run(read_in_subprocess, compute_plan, order))
+    return PlanOut.model_validate(from_thread.run(_plan, order))

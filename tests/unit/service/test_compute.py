@@ -238,7 +238,7 @@ def test_a_body_is_read_although_the_fork_server_died_and_what_it_meets_is_told_
         subprocess_read, "preload", lambda modules, threads: prepared.append((modules, threads))
     )
     assert subprocess_read._read(len, ("abc",)) == 3
-    assert prepared == [(["builtins"], 1)] * 2
+    assert prepared == [(subprocess_read._modules, 1)] * 2
     with pytest.raises(InputError, match="is empty"):
         subprocess_read._read(raises, (InputError("file", "is empty"),))
     with pytest.raises(RuntimeError, match="the trace"):
