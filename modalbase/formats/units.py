@@ -172,6 +172,24 @@ def plain(unit: str) -> str:
     return "µε" if bare == "µe" else bare
 
 
+_AMPLITUDE = re.compile(
+    r"[\s_]*[(\[]?(?<![a-z])(rms|eff|p(?:ea)?k(?:[- ]?(?:to[- ]?)?p(?:ea)?k)?|0[- ]?pk?|p-p)[)\]]?$",
+    re.IGNORECASE,
+)
+
+
+def without_amplitude(unit: str) -> tuple[str, str]:
+    """A unit without the word for the amplitude that is meant, and that word in small letters.
+
+    >>> without_amplitude("g pk"), without_amplitude("N (RMS)"), without_amplitude("kp")
+    (('g', 'pk'), ('N', 'rms'), ('kp', ''))
+    """
+    match = _AMPLITUDE.search(unit.strip())
+    if match is None or not unit.strip()[: match.start()]:
+        return unit, ""
+    return unit.strip()[: match.start()], match[1].lower()
+
+
 def factor_of(quantity: Measured, unit: str) -> float | None:
     """The SI value of one unit of a quantity (a frequency's in Hz); None where the unit is not one
     of it.

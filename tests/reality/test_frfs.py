@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from fecore.errors import InputError
 from fecore.modal import Identification
 from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.uff import DatasetReport
@@ -16,7 +17,7 @@ from service.platform.errors import Invalid
 from service.tasks.import_file.arrays_of_files import FileDescription
 from service.tasks.import_file.compute import Kept
 from tests.support.reality import frfs_in, identified, kept, lines_of, reality, values_of
-from tests.support.uff import axis, load, rows, set_58
+from tests.support.uff import FRF, axis, load, rows, set_58
 
 HZ = (31.0, 87.0, 142.0)
 ZETA = (0.010, 0.008, 0.012)
@@ -479,3 +480,42 @@ def test_a_list_of_structures_holds_several_frfs(tmp_path: Path) -> None:
     ]
     for frf, values in zip(frfs, VALUES, strict=True):
         np.testing.assert_allclose(values_of(frf), values * 9.80665, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "wanted"),
+    [
+        ("g pk", "N pk", ""),
+        ("g (RMS)", "N rms", ""),
+        ("g rms", "N pk", "export both as peak"),
+        ("g rms", "N", "export both as peak"),
+    ],
+)
+def test_units_of_an_amplitude(tmp_path: Path, above: str, below: str, wanted: str) -> None:
+    path = tmp_path / "a.uff"
+    axes = {"ordinate": axis(12, above), "denominator": axis(13, below)}
+    path.write_bytes(set_58(*rows(np.arange(1.0, 9.0)), kind=6, points=4, **axes))
+    items = kept(path)
+    if wanted:
+        assert not frfs_in(items)
+        assert any(wanted in (i.reason or "") for i in items if isinstance(i, DatasetReport))
+    else:
+        (frf,) = frfs_in(items)
+        np.testing.assert_allclose(values_of(frf)[0], (1 + 2j) * 9.80665)
+
+
+@pytest.mark.parametrize(
+    ("content", "wanted"),
+    [
+        (b"\xff\xfe" + FRF.decode().encode("utf-16-le"), "save it as ANSI or UTF-8"),
+        (FRF.replace(b"\n", b"\r"), "save them with LF"),
+        (b"Plate A, 2024\n" + FRF, "delete what stands before it"),
+    ],
+)
+def test_text_that_is_no_uff_says_how_to_save_it(
+    tmp_path: Path, content: bytes, wanted: str
+) -> None:
+    path = tmp_path / "a.uff"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=wanted):
+        kept(path)

@@ -33,7 +33,7 @@ from modalbase.formats.uff.frf import UNSTATED_TYPES, frequency_of, global_dofs
 from modalbase.formats.uff.function import RawFunction
 from modalbase.formats.uff.geometry import Geometry
 from modalbase.formats.uff.text import Refusal
-from modalbase.formats.units import FORCE, RESPONSE, Dimension, read_unit
+from modalbase.formats.units import FORCE, RESPONSE, Dimension, read_unit, without_amplitude
 
 TIME_RESPONSE, AUTO_SPECTRUM, CROSS_SPECTRUM = 1, 2, 3
 _TYPES: dict[int, ChannelQuantity] = {
@@ -125,7 +125,8 @@ def _channel(
 ) -> tuple[ChannelQuantity, float] | None:
     """What a channel is, and the factor of its amplitude to SI; None where it is none of ours."""
     described = raw.ordinate
-    label, by_type = read_unit(described.unit), _TYPES.get(described.data_type)
+    unit = without_amplitude(described.unit)[0] if squared else described.unit
+    label, by_type = read_unit(unit), _TYPES.get(described.data_type)
     if label is not None:
         for power in (1, 2) if squared else (1,):
             root = _root(label.dimension, power)

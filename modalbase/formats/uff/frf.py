@@ -23,6 +23,7 @@ from modalbase.formats.units import (
     Unit,
     factor_of,
     read_unit,
+    without_amplitude,
 )
 
 RESPONSE_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
@@ -150,12 +151,9 @@ def _quantity_and_factor(
     rotation = abs(raw.response_direction) > 3
     moment = abs(raw.reference_direction) > 3
     length, force = (1.0, 1.0) if units is None else (units.length, units.force)
-    top = _Side(read_unit(raw.ordinate.unit), raw.ordinate.unit, 1.0 if rotation else 1 / length)
-    bottom = _Side(
-        read_unit(raw.denominator.unit),
-        raw.denominator.unit,
-        1 / (force * length) if moment else 1 / force,
-    )
+    above_unit, below_unit = _of_one_amplitude(raw.ordinate.unit, raw.denominator.unit)
+    top = _Side(read_unit(above_unit), above_unit, 1.0 if rotation else 1 / length)
+    bottom = _Side(read_unit(below_unit), below_unit, 1 / (force * length) if moment else 1 / force)
     if raw.denominator.data_type not in (*_FORCE_TYPES, *UNSTATED_TYPES):
         raise Refusal(
             f"its denominator is of type {raw.denominator.data_type}, not a force (9, 13)", 9
@@ -170,6 +168,22 @@ def _quantity_and_factor(
         factor, label = _ratio(top, bottom, response[quantity], below, units, notes)
     _note_factor(factor, label, top, bottom, units, notes)
     return quantity, factor
+
+
+def _of_one_amplitude(above: str, below: str) -> tuple[str, str]:
+    """The units of a ratio without the amplitude that both are of, such as `g pk` over `N pk`.
+
+    Raises:
+        Refusal: they are of two amplitudes, so that the ratio has a factor that nobody states.
+    """
+    (one, word), (two, other) = without_amplitude(above), without_amplitude(below)
+    if word != other and read_unit(one) and read_unit(two):
+        raise Refusal(
+            f"its ordinate is in '{above}' and its denominator in '{below}', of two amplitudes;"
+            " export both as peak, or both as rms",
+            8,
+        )
+    return one, two
 
 
 def _quantity(

@@ -99,7 +99,7 @@ class Geometry:
         if system.kind != "cartesian":
             raise Refusal(
                 f"the {name} at grid point {point} is along axes of the {system.kind} system"
-                f" {label}"
+                f" {label}; export directions along the global axes"
             )
         axis = (abs(direction) - 1) % 3
         along = np.sign(direction) * system.axes[axis]
@@ -109,7 +109,7 @@ class Geometry:
             raise Refusal(
                 f"the {name} at grid point {point} is along an axis of coordinate system {label},"
                 f" {skew:.1f}° off the nearest global axis; only directions along the global axes"
-                " are stored"
+                " are stored: export them so"
             )
         turned = int(np.sign(along[nearest])) * (nearest + 1 + (3 if abs(direction) > 3 else 0))
         if turned != direction:

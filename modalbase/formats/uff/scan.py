@@ -11,6 +11,7 @@ line that cannot be what its place demands, and the whole file is refused.
 """
 
 import re
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -20,6 +21,7 @@ from modalbase.formats.uff.text import shown
 
 SMALL_CHUNK, LARGE_CHUNK = 1 << 13, 1 << 20
 ODD_DELIMITERS = 1000
+UTF_16 = BOM_UTF16_LE, BOM_UTF16_BE
 _WORDS_BETWEEN = 4
 _WORDS = re.compile(rb"[A-Za-z][A-Za-z _.,:;()-]*")
 # bytes by which a binary set's count may exceed its data: line ends, and blanks after them
@@ -63,7 +65,7 @@ def scan(path: Path, limits: Limits) -> list[Frame]:
         raise UffError("the file is empty, expected a Universal File Format file")
     frames: list[Frame] = []
     with path.open("rb") as file:
-        position = 3 if file.read(3) == b"\xef\xbb\xbf" else 0
+        position = _begin(file.read(SMALL_CHUNK))
         words: list[bytes] = []
         while (
             opening := _opening(file, position, size, limits, first=not frames, words=words)
@@ -84,6 +86,19 @@ def scan(path: Path, limits: Limits) -> list[Frame]:
             "the file holds nothing but blank lines, expected a Universal File Format file"
         )
     return frames
+
+
+def _begin(head: bytes) -> int:
+    """The first byte behind a mark of byte order.
+
+    Raises:
+        UffError: it is text of a kind that no UFF is; says how to save it.
+    """
+    if head.startswith(UTF_16):
+        raise UffError("the file is text in UTF-16; save it as ANSI or UTF-8")
+    if b"\r" in head and b"\n" not in head:
+        raise UffError("its lines end in CR alone; save them with LF, or with CR and LF")
+    return len(BOM_UTF8) if head.startswith(BOM_UTF8) else 0
 
 
 def _line(file: BinaryIO, position: int, limits: Limits) -> bytes:
@@ -130,7 +145,11 @@ def _opening(
             what = "not a UFF file: it opens with" if first else "between two datasets stands"
             raise UffError(
                 f"{what} {shown(content)}, expected a delimiter line '    -1'"
-                + ("" if first else "; a delimiter is lost, added or damaged nearby"),
+                + (
+                    "; delete what stands before it, if the file is one"
+                    if first
+                    else "; a delimiter is lost, added or damaged nearby"
+                ),
                 position,
             )
         position += len(line)
