@@ -3,6 +3,7 @@
 from pathlib import Path, PurePosixPath
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.foreign import MEASURED, UTF_16, refuse_foreign
 from modalbase.formats.registry import FORMATS
 from modalbase.formats.tables import WORKBOOK, open_table
 
@@ -19,10 +20,14 @@ def recognise(path: Path, name: str = "") -> str:
     Args:
         path: of the file.
         name: what its sender calls it.
+
+    Raises:
+        FormatError: it is of a format that is not read; says what to export instead.
     """
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     suffix = PurePosixPath(name).suffix.lower()
+    refuse_foreign(head, name, MEASURED)
     if WORKBOOK.match(head):
         return "csv"  # whose reader says what to do
     rows = FORMATS.values()
@@ -33,6 +38,9 @@ def recognise(path: Path, name: str = "") -> str:
     other = next((row.name for row in rows if suffix in row.other_suffixes), None)
     if other:  # words may stand before the first dataset
         own = next((row.name for row in rows if row.inside and row.inside.search(head)), other)
+    if own is None and b"\0" in head and not head.startswith(UTF_16):
+        known = ", ".join(row.title.partition(":")[0] for row in rows)
+        raise FormatError("", f"the file is of a format that is not read; export one of {known}")
     return own or ("csv" if _is_table(head) else "uff")
 
 

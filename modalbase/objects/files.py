@@ -25,7 +25,13 @@ ROWS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow", ".parquet": "parqu
 TRENDS = {**FIGURES, ".csv": "csv", ".parquet": "parquet"}
 """Formats of a trend's figure and of its points, by the end of a file's name."""
 _LONG = 10_000  # characters of a mapping that an address still has room for, escaped
-SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}
+SOLVERS = {
+    ".inp": "calculix",
+    ".bdf": "nastran",
+    ".dat": "nastran",
+    ".nas": "nastran",
+    ".fem": "nastran",
+}
 """The program whose deck a file's name says."""
 
 

@@ -188,7 +188,7 @@ class Structure(Attached, Editable):
         """Send a deck or mesh; once it was read, the structure's next version is that model.
 
         Args:
-            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas), or a .zip of one with
+            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas, .fem), or a .zip of one with
                 what it includes; or matrices of any solver (.zip, .npz); or a mesh of gmsh (.msh),
                 VTK (.vtu, .vtk) or UFF (.unv, .uff).
             units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch`

@@ -11,17 +11,17 @@ line that cannot be what its place demands, and the whole file is refused.
 """
 
 import re
-from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
+from codecs import BOM_UTF8
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
+from modalbase.formats.foreign import UTF_16
 from modalbase.formats.uff.content import HEADER_LINES, Limits, UffError
 from modalbase.formats.uff.text import shown
 
 SMALL_CHUNK, LARGE_CHUNK = 1 << 13, 1 << 20
 ODD_DELIMITERS = 1000
-UTF_16 = BOM_UTF16_LE, BOM_UTF16_BE
 _WORDS_BETWEEN = 4
 _WORDS = re.compile(rb"[A-Za-z][A-Za-z _.,:;()-]*")
 # bytes by which a binary set's count may exceed its data: line ends, and blanks after them

@@ -8,10 +8,11 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import PurePosixPath, PureWindowsPath
 from typing import TypeVar
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.foreign import MODELS, refuse_foreign
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import FiniteElementModel
@@ -32,9 +33,16 @@ _INCLUDE = re.compile(
 
 READERS: Mapping[str, Callable[[bytes, dict[str, bytes]], FiniteElementModel]] = {
     ".inp": read_inp,
-    **dict.fromkeys((".bdf", ".dat", ".nas"), read_bdf),
+    **dict.fromkeys((".bdf", ".dat", ".nas", ".fem"), read_bdf),
 }
 """By the end of a file's name."""
+
+_HEAD_BYTES = 1 << 16
+_LANGUAGES = (
+    (re.compile(rb"(?im)^[ \t]*\*[ \t]*(HEADING|NODE|PART|MATERIAL)[ \t]*(,|\r?$)"), read_inp),
+    (re.compile(rb"(?im)^[ \t]*(CEND|BEGIN[ \t]+BULK|GRID\*?[ \t,]+\d+.*)[ \t]*\r?$"), read_bdf),
+)
+"""What shows the language of a deck, whatever its name."""
 
 Read = TypeVar("Read")
 
@@ -46,7 +54,7 @@ def parsed(content: bytes, filename: str) -> FiniteElementModel:
         Invalid: no reader knows its name, or the reader finds it wrong.
     """
     deck = unpacked(content, filename)
-    reader = reader_of(deck.name)
+    reader = reader_of(deck.name, deck.content)
     return faults_of(lambda: reader(deck.content, deck.included))
 
 
@@ -69,7 +77,7 @@ def unpacked(content: bytes, filename: str) -> Deck:
     if PurePosixPath(filename).suffix.lower() != ZIP:
         return Deck(filename, content, {})
     named = {
-        PurePosixPath(each.decode("latin-1")).name
+        PureWindowsPath(each.decode("latin-1")).name
         for text in files.values()
         for each in _INCLUDE.findall(text)
     }
@@ -139,20 +147,30 @@ def repacked(content: bytes, filename: str, changed: Mapping[str, bytes]) -> byt
     return buffer.getvalue()
 
 
-def reader_of(filename: str) -> Callable[[bytes, dict[str, bytes]], FiniteElementModel]:
-    """The reader of files of such a name.
+def reader_of(
+    filename: str, content: bytes = b""
+) -> Callable[[bytes, dict[str, bytes]], FiniteElementModel]:
+    """The reader of a deck: by the language that its first lines show, else by its name.
+
+    Args:
+        filename: what its sender calls it.
+        content: the deck; none where its name alone is known.
 
     Raises:
-        Invalid: there is none.
+        Invalid: there is none; of another program's file says what to export instead.
     """
+    if content:
+        faults_of(lambda: refuse_foreign(content[:_HEAD_BYTES], filename, MODELS))
     reader = READERS.get(PurePosixPath(filename).suffix.lower())
     if reader is None:
+        faults_of(lambda: refuse_foreign(b"", filename, MODELS))
         raise Invalid(
             "filename",
             f"{filename!r} ends in none of {', '.join([*READERS, *MESHES, ZIP, NPZ])}: which kind"
             " of deck is it?",
         )
-    return reader
+    spoken = [reader for shows, reader in _LANGUAGES if shows.search(content[:_HEAD_BYTES])]
+    return spoken[0] if len(spoken) == 1 else reader
 
 
 def require_deck(filename: str) -> None:

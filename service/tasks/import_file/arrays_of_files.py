@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from fecore.errors import InputError
@@ -18,6 +19,7 @@ from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.frfs.parts import is_frequency, propose_parts, texts_of
 from modalbase.formats.frfs.proposal import doubts, left_out, propose_frfs
 from modalbase.formats.frfs.table import without_gap
+from modalbase.formats.recognise import recognise
 from modalbase.formats.records import (
     TimeBlock,
     Variables,
@@ -76,6 +78,15 @@ class FileDescription:
     table: dict[str, Any] | None = None  # how a table of text was read
     counted: bool = False  # hit numbers were only counted in the file
     notes: list[str] = field(default_factory=list)  # what the reader noticed
+
+
+def form_of(path: Path, filename: str) -> str:
+    """The name of a file's format.
+
+    Raises:
+        Invalid: it is of one that is not read.
+    """
+    return _faults_as(_dotted, lambda: recognise(path, filename))
 
 
 def read_arrays(

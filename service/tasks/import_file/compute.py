@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from fecore.errors import InputError
 from fecore.frf import Quantity, size_fault
 from modalbase.formats import uff
-from modalbase.formats.recognise import recognise
 from modalbase.formats.records import TimeBlock, described
 from modalbase.formats.records.uff import channel_of
 from modalbase.formats.registry import Kind
@@ -27,6 +26,7 @@ from service.compute.spectra import FrequencyAxis, encode, encode_axis
 from service.platform.errors import Invalid
 from service.tasks.import_file.arrays_of_files import (
     FileDescription,
+    form_of,
     read_arrays,
     require_taken,
     responses_of,
@@ -84,7 +84,7 @@ def read_upload(inputs: ReadingInputs, report: Reporter) -> Iterator[Kept]:
         Invalid: another file cannot be read, or its mapping does not fit.
     """
     report("checking the file", 0.0)
-    form = inputs.form or recognise(inputs.path, inputs.filename)
+    form = inputs.form or form_of(inputs.path, inputs.filename)
     recording = isinstance(inputs.mapping, dict) and "recording" in inputs.mapping
     throughout = recorded_throughout(inputs.mapping, inputs.kind)
     if form == "uff" and (throughout or not recording):

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.foreign import require_text
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
 from modalbase.formats.models.model import Where
 
@@ -43,8 +44,7 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> DeckSect
         FormatError: the deck is not text, is cut, or an INCLUDE file is missing. ENDDATA may be
             missing (MSC Nastran) where the last line is whole.
     """
-    if b"\0" in content:
-        raise FormatError("", "the file holds NUL bytes; expected the text of a Nastran deck")
+    require_text(content, "the text of a Nastran deck")
     sections = DeckSections()
     current = sections.control
     controlled = ended = False

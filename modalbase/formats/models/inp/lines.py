@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.foreign import require_text
 from modalbase.formats.models import model
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
 from modalbase.formats.models.model import LARGEST, FieldPlace, Where
@@ -175,12 +176,7 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Keyword]:
         FormatError: the file is no deck, a line is broken, or an included file is missing or
             includes itself.
     """
-    if b"\0" in content[:4096]:
-        raise FormatError(
-            "",
-            "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as"
-            " *NODE",
-        )
+    require_text(content[:4096], "a deck of Abaqus or CalculiX, text with cards such as *NODE")
     cards = list(_cards(_Files(content, included).lines(content)))
     if not cards:
         raise FormatError(

@@ -23,7 +23,7 @@ OF_A_PLATE: dict[str, tuple[Change, str]] = {
     # files
     "empty": ((PLATE, ""), r"^the file has no card such as \*NODE"),
     "another format": ((PLATE, "    -1\n   164\n"), r"^line 1: the data line '    -1' stands before any card"),
-    "binary": ((PLATE, "PK\x03\x04\x00\x00"), r"^the file is binary, expected a deck"),
+    "binary": ((PLATE, "PK\x03\x04\x00\x00"), r"^the file holds NUL bytes; expected a deck"),
     "cut in a node": (("2, 0.1, 0, 0.\n", "2\n"), r"^line 5: \*NODE has 1 fields, expected a number and three"),
     "cut in an element": (("1, 1, 2, 5, 4", "1, 1, 2, 5"), r"^line 11: \*ELEMENT gives element 1 3 nodes, expected 4 of S4"),
     "cut in the step": (("*END STEP\n", ""), r"^line 20: \*STEP is not closed by \*END STEP; is the file cut"),
