@@ -162,7 +162,10 @@ def reduce(
     start, stop = chord_range or _standard_range(strain, run.force_n, ultimate, warnings)
     if not 0 <= start < stop:
         raise InputError("chord_range", f"is {start} to {stop}, expected two rising strains, m/m")
-    line = chord(strain, start, stop, ends)
+    try:
+        line = chord(strain, start, stop, ends)
+    except InputError as error:  # a jump of the gauge may be the reason
+        raise InputError(error.field, "; ".join([error.message, *warnings])) from error
     modulus = line.slope(stress)
     if modulus <= 0:
         raise InputError(

@@ -79,9 +79,7 @@ class Run:
     """One run of the machine."""
 
     columns: Mapping[str, FloatArray]  # SI arrays by the caller's names; NaN where a cell was empty
-    # first_line, last_line: of its data, from 1
-    first_line: int
-    last_line: int
+    lines: Sequence[int]  # of the file, from 1, of each point
 
 
 @dataclass(frozen=True)
@@ -162,7 +160,7 @@ def read_machine_csv(
     tables = [(_numbers(block, parse) * factors, block.lines) for block in blocks]
     names = list(columns)
     runs = [
-        Run({name: part[:, i].copy() for i, name in enumerate(names)}, at[0], at[-1])
+        Run({name: part[:, i].copy() for i, name in enumerate(names)}, at)
         for table, table_lines in tables
         for part, at in _split_at_time(table, table_lines, names)
     ]
@@ -170,7 +168,7 @@ def read_machine_csv(
     if empty:
         notes.append(f"{empty} empty cells, taken as not measured")
     if len(runs) > 1:
-        notes.append("restarted at line " + ", ".join(str(run.first_line) for run in runs[1:]))
+        notes.append("restarted at line " + ", ".join(str(run.lines[0]) for run in runs[1:]))
     return MachineFile(tuple(runs), units, encoding, layout.delimiter, symbol, tuple(notes))
 
 
@@ -243,7 +241,8 @@ def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]
         raise FormatError("columns", "are numbered from 1")
     named = {name: c for name, c in columns.items() if isinstance(c.header, str)}
     if not named:
-        return _Columns(delimiter, rows, -1, {name: numbered[name] for name in columns})
+        places = {name: numbered[name] for name in columns}
+        return _Columns(delimiter, rows, _heading_above(rows, places, columns), places)
     nearest: set[str] = {str(c.header) for c in named.values()}
     for i, row in enumerate(rows):
         cells = joined_brackets(row, delimiter).cells
@@ -263,6 +262,29 @@ def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]
         positions = {**numbered, **{name: at[0] for name, at in places.items()}}
         return _Columns(delimiter, rows, i, {name: positions[name] for name in columns})
     raise FormatError("columns", f"no line has the header {', '.join(sorted(nearest))}")
+
+
+def _heading_above(rows: list[Row], places: dict[str, int], columns: Mapping[str, Column]) -> int:
+    """Index of the line of names above the first line of data, of columns that are named by their
+    numbers; -1 where none has words in all of them.
+    """
+    first = next(
+        (
+            i
+            for i, row in enumerate(rows)
+            if all(_is_datum(row, p, columns[n]) for n, p in places.items())
+        ),
+        0,
+    )
+    heading = -1
+    for i in range(first - 1, max(first - 3, -1), -1):  # names, and units below them
+        cells = rows[i].cells
+        if not all(
+            p < len(cells) and cells[p] and not is_number(cells[p]) for p in places.values()
+        ):
+            break
+        heading = i
+    return heading
 
 
 def _places_of(cells: Sequence[str], column: Column) -> list[int]:

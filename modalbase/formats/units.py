@@ -78,8 +78,8 @@ _NAMES: dict[Dimension, dict[str, float]] = {
     TIME: {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
            "min": 60.0, "h": 3600.0},
     FREQUENCY: {"Hz": 1.0, "kHz": 1e3, "cps": 1.0, "rpm": 1 / 60, "cpm": 1 / 60},
-    NUMBER: {"1": 1.0, "strain": 1.0, "%": 1e-2, "µε": 1e-6, "ue": 1e-6, "µstrain": 1e-6, "ustrain": 1e-6,
-             "microstrain": 1e-6},
+    NUMBER: {"1": 1.0, "strain": 1.0, "%": 1e-2, "‰": 1e-3, "mstrain": 1e-3, "µε": 1e-6, "ue": 1e-6, "µstrain": 1e-6,
+             "ustrain": 1e-6, "microstrain": 1e-6},
     Dimension(mass=1): {"kg": 1.0},
     FORCE: {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "daN": 10.0, "newton": 1.0, "newtons": 1.0,
             "lbf": POUND_FORCE, "lb": POUND_FORCE, "lbs": POUND_FORCE, "kip": 1e3 * POUND_FORCE,
@@ -103,7 +103,7 @@ _COMPOSED: dict[Measured, tuple[str, ...]] = {
     "stress": ("N/mm²",),
     "strain": ("mm/mm", "µm/m"),
 }
-_TOKEN = re.compile(r"\s*(\*\*|[()*/·^.-]|[²³]|g0|[0-9]+|[%°]|[^\W\d_²³]+(?:'s)?)", re.IGNORECASE)
+_TOKEN = re.compile(r"\s*(\*\*|[()*/·^.-]|[²³]|g0|[0-9]+|[%‰°]|[^\W\d_²³]+(?:'s)?)", re.IGNORECASE)
 _ONE_SIGN = str.maketrans({"μ": "µ", "ɛ": "ε", "⋅": "·", "×": "*", "∕": "/", "−": "-"})
 NO_UNIT = {"", "none", "unknown", "user_defined", "-"}
 """What programs write where they have no unit, in small letters."""

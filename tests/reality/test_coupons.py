@@ -3,9 +3,11 @@ variants of them.
 """
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fecore.errors import InputError
@@ -202,3 +204,48 @@ def test_a_force_that_was_not_tared_is_noted(tmp_path: Path) -> None:
     tared = reduced(path, columns, BAR, zero={"force": "first"})
     assert tared.coupon.strength_Pa == pytest.approx(700e6)
     assert not tared.reading["notes"]
+
+
+STRAIN = np.arange(0.0, 0.0101, 1e-4)
+FORCE = 60e9 * 20.04e-3 * 1.55e-3 * STRAIN
+
+
+def curve(path: Path, names: str, rows: Iterable[str]) -> Path:
+    path.write_text("\n".join([names, *rows]) + "\n")
+    return path
+
+
+def test_an_unloading_loop_is_two_runs(tmp_path: Path) -> None:
+    there = np.r_[0:25, 25:8:-1, 8:101]
+    rows = (f"{FORCE[i]:.3f},{100 * STRAIN[i]:.4f}" for i in there)
+    path = curve(tmp_path / "a.csv", "Load (N),Strain (%)", rows)
+    columns = {"force": "Load", "strain": "Strain"}
+    with pytest.raises(InputError, match=r"unloaded and loaded again.*2 \(lines 44 to 136\)"):
+        reduced(path, columns, DIMENSIONS)
+    found = reduced(path, columns, DIMENSIONS, run=2)
+    assert found.coupon.E_Pa == pytest.approx(60e9, rel=1e-4)
+    assert (found.reading["runs"], found.reading["first_line"]) == (2, 44)
+
+
+def test_columns_by_number_have_the_units_of_their_headings(tmp_path: Path) -> None:
+    rows = (f"{f:.3f},{e},{0.9 * f:.3f},{1e3 * e:.4f}" for f, e in zip(FORCE, STRAIN, strict=True))
+    names = "Piece 1,,Piece 2,\nLoad,Strain,Load,Strain\nN,mm/mm,N,\u2030"
+    path = curve(tmp_path / "a.csv", names, rows)
+    found = reduced(path, {"force": 3, "strain": 4}, DIMENSIONS)
+    assert found.coupon.E_Pa == pytest.approx(54e9, rel=1e-4)
+
+
+def test_a_modulus_of_no_material_is_refused(tmp_path: Path) -> None:
+    """Ratios under a heading of per cent."""
+    rows = (f"{f:.3f},{e}" for f, e in zip(FORCE, STRAIN, strict=True))
+    path = curve(tmp_path / "a.csv", "Load (N),Strain (%)", rows)
+    with pytest.raises(InputError, match=r"6e[+]12 Pa, which no material has; look at the units"):
+        reduced(path, {"force": "Load", "strain": "Strain"}, DIMENSIONS)
+
+
+def test_a_gauge_that_drops_out_is_named(tmp_path: Path) -> None:
+    strain = np.where((STRAIN > 0.00145) & (STRAIN < 0.0018), 0.0, STRAIN)
+    rows = (f"{f:.3f},{100 * e:.4f}" for f, e in zip(FORCE, strain, strict=True))
+    path = curve(tmp_path / "a.csv", "Load (N),Strain (%)", rows)
+    with pytest.raises(InputError, match=r"reaches 1400 µε only.*jumps at point 16"):
+        reduced(path, {"force": "Load", "strain": "Strain"}, DIMENSIONS)

@@ -2,6 +2,8 @@
 database, no web.
 """
 
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -11,7 +13,7 @@ import numpy as np
 import fecore
 from fecore.arrays import FloatArray
 from fecore.coupons import d3039, d3518
-from fecore.coupons.curves import Curve
+from fecore.coupons.curves import Curve, restarts
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.machine_csv import (
@@ -22,6 +24,7 @@ from modalbase.formats.machine_csv import (
     factor,
     read_machine_csv,
 )
+from modalbase.formats.models.questions import MODULI
 from service.nouns.coupons.schemas import CouponIn, CurveCouponIn, Series
 
 GAUGE = {
@@ -35,6 +38,10 @@ _UNLOADED = 0.02  # of the largest force: a curve that begins below it begins un
 _TARED = 500e-6  # m/m: a strain that begins above it without force was not tared
 _FIELDS = {"width_m": "dimensions.width", "thickness_m": "dimensions.thickness"}
 """Fields of the core to fields of the request."""
+
+
+_Part = tuple[dict[str, FloatArray], Sequence[int]]
+"""Series of a run, by name, and the lines of the file that they are of."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +70,9 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
         file = read_machine_csv(path.read_bytes(), columns, request.delimiter, request.decimal)
     except FormatError as error:
         raise InputError(error.place, error.message) from error
-    number, run = _chosen(file, request.run)
-    zeros: dict[str, float] = {
-        name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero
-    }
-    series = {
-        name: (np.asarray(values) - zeros.get(name, 0.0)) / (gauges[name] or 1.0)
-        for name, values in run.columns.items()
-    }
+    runs = [part for run in file.runs for part in _parts(run, file, gauges, request)]
+    number = _chosen(runs, request.run)
+    series, lines = runs[number - 1]
     untared = _untared(series, file)
     try:
         coupon, reduction = _by_standard(series, request)
@@ -83,9 +85,9 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
         "decimal": file.decimal,
         "units": dict(file.units),
         "run": number,
-        "runs": len(file.runs),
-        "first_line": run.first_line,
-        "last_line": run.last_line,
+        "runs": len(runs),
+        "first_line": lines[0],
+        "last_line": lines[-1],
         "notes": [*file.notes, *([untared] if untared else [])],
     }
     return Reduced(coupon, series, reading, reduction, fecore.__version__)
@@ -144,20 +146,40 @@ def _quantity(series: str, gauge_m: float | None) -> Quantity:
     return "strain" if gauge_m is None else "length"
 
 
-def _chosen(file: MachineFile, requested: int | None) -> tuple[int, Run]:
-    """The run that counts, and its number."""
-    runs = len(file.runs)
-    if requested is None and runs > 1:
+def _parts(
+    run: Run, file: MachineFile, gauges: dict[str, float | None], request: CurveCouponIn
+) -> Iterator[_Part]:
+    """A run of the machine, divided where it was unloaded and loaded again."""
+    zeros = {
+        name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero
+    }
+    series = {
+        name: (np.asarray(values) - zeros.get(name, 0.0)) / (gauges[name] or 1.0)
+        for name, values in run.columns.items()
+    }
+    try:
+        starts = restarts(Curve(series["force"], series["strain"]))
+    except InputError:  # which says what is wrong once it is chosen
+        starts = ()
+    for start, stop in itertools.pairwise([0, *starts, len(run.lines)]):
+        yield {name: values[start:stop] for name, values in series.items()}, run.lines[start:stop]
+
+
+def _chosen(runs: Sequence[_Part], requested: int | None) -> int:
+    """The number of the run that counts."""
+    if requested is None and len(runs) > 1:
         lines = ", ".join(
-            f"{i} (lines {run.first_line} to {run.last_line})" for i, run in enumerate(file.runs, 1)
+            f"{i} (lines {lines[0]} to {lines[-1]})" for i, (_, lines) in enumerate(runs, 1)
         )
         raise InputError(
-            "run", f"is missing: the machine was restarted; say which of its runs counts: {lines}"
+            "run",
+            "is missing: the machine was restarted, or unloaded and loaded again; say which of its"
+            f" runs counts: {lines}",
         )
     number = requested or 1
-    if number > runs:
-        raise InputError("run", f"is {number}, the file has {runs}")
-    return number, file.runs[number - 1]
+    if number > len(runs):
+        raise InputError("run", f"is {number}, the file has {len(runs)}")
+    return number
 
 
 def _by_standard(
@@ -199,6 +221,13 @@ def _by_standard(
         exclusion_reason=request.exclusion_reason,
         **values,
     )
+    modulus = result.modulus_pa
+    if not MODULI[0] <= modulus <= MODULI[1]:
+        raise InputError(
+            "columns",
+            f"make a modulus of {modulus:.3g} Pa, which no material has; look at the units of force"
+            " and strain, and at the dimensions",
+        )
     reduction = asdict(result)
     return coupon, {
         **reduction,

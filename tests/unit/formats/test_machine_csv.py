@@ -32,7 +32,7 @@ def test_a_german_export_with_preamble_units_below_and_decimal_commas() -> None:
     np.testing.assert_allclose(parsed.runs[0].columns["force"], [0, 1250, 2500], rtol=1e-15)
     np.testing.assert_allclose(parsed.runs[0].columns["strain"], [0, 500.5e-6, 1001e-6], rtol=1e-12)
     assert (parsed.encoding, parsed.delimiter, parsed.decimal) == ("cp1252", ";", ",")
-    assert (parsed.runs[0].first_line, parsed.runs[0].last_line) == (6, 9)
+    assert (parsed.runs[0].lines[0], parsed.runs[0].lines[-1]) == (6, 9)
     assert parsed.notes == ("line 10: 'Ende der Prüfung' is no data",)
 
 
