@@ -13,6 +13,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.support.browser import Watched, drawn, held, hindrances, watched_page
+from tests.support.laboratory import BEAM
 from tests.support.lengths import long
 from tests.support.profiles import deck, points
 from tests.support.rest import client_at, finished, ok, posted
@@ -30,7 +31,7 @@ NO_WEBGL = """
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def bracket(service: LocalService) -> dict[str, str]:
     """A key, and the addresses of a deck and of a test of it with FRFs at two points and one
     measured shape.
@@ -226,11 +227,14 @@ def a_shape_moves(page: Page) -> None:
     page.click("[data-space-run]")
 
 
-def test_a_structure_is_solved_before_it_is_measured(
-    running: Browser, service: LocalService, bracket: dict[str, str]
+def test_a_structure_is_solved_before_it_is_measured_and_a_deck_is_its_next_version(
+    running: Browser, service: LocalService
 ) -> None:
-    with watched_page(running, service.url) as seen:
-        page = signed_in(seen, bracket["key"], bracket["structure"])
+    key = service.new_key("sending")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        project = posted(api, "projects", {"name": "corrected"})["id"]
+        structure = posted(api, f"projects/{project}/structures", BEAM)["id"]
+        page = signed_in(seen, key, f"/ui/structures/{structure}")
         page.click("summary:text('Solve the nominal model')")
         page.fill("[name=modes]", "3")
         page.fill("[name=damping_ratio]", "0.01")
@@ -263,19 +267,7 @@ def test_a_structure_is_solved_before_it_is_measured(
         with page.expect_download() as download:
             card.locator("a:text('UFF')").last.click()
         assert download.value.suggested_filename == "forecast.uff"
-        assert (hindrances(page), overflow(seen), seen.complaints) == ([], 0, [])
-
-
-def test_a_deck_is_sent_and_is_the_next_version(running: Browser, service: LocalService) -> None:
-    key = service.new_key("sending")
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        project = posted(api, "projects", {"name": "corrected"})["id"]
-        body = {
-            "name": "strip",
-            "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
-        }
-        structure = posted(api, f"projects/{project}/structures", body)["id"]
-        page = signed_in(seen, key, f"/ui/structures/{structure}")
+        assert (hindrances(page), overflow(seen)) == ([], 0)
         a_deck_is_sent(page)
         assert ok(api.get(f"structures/{structure}"))["version"] == 2
         assert hindrances(page) == []
@@ -305,13 +297,13 @@ def test_a_browser_without_webgl_has_a_still_picture(
     running: Browser, service: LocalService, bracket: dict[str, str]
 ) -> None:
     with watched_page(running, service.url) as seen:
-        seen.page.context.add_init_script(NO_WEBGL)
+        seen.page.add_init_script(NO_WEBGL)
         signed_in(seen, bracket["key"], bracket["structure"])
         page = seen.page
         page.locator("[data-space]").scroll_into_view_if_needed()
         page.wait_for_selector("[data-space][data-ready=still] svg path")
         assert page.locator("[data-space-canvas]").is_hidden()
-        seen.visit(bracket["campaign"])
+        page.goto(bracket["campaign"])
         seen.page.wait_for_selector("[data-space][data-ready=still] svg circle")
         seen.page.locator("[data-shape] td").nth(1).click()
         until(lambda: "mode 1: 25 Hz" in said(seen.page), "the still shape")

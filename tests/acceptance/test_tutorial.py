@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from runpy import run_path
+from unittest.mock import patch
 
 import httpx
 import numpy as np
@@ -254,9 +256,8 @@ def test_the_main_job_in_ten_lines(service: LocalService, api: httpx.Client) -> 
 def test_the_script_makes_the_demonstrations_file(tmp_path: Path) -> None:
     """The file in the package is what the script writes, to single precision's round-off."""
     made = tmp_path / "made.uff"
-    subprocess.run(
-        [sys.executable, str(ROOT / "examples/make_paper_beam.py"), str(made)], check=True, cwd=ROOT
-    )
+    with patch.object(sys, "argv", ["make_paper_beam.py", str(made)]):
+        run_path(str(ROOT / "examples/make_paper_beam.py"), run_name="__main__")
     ours, shipped = (
         list(read_file(file)) for file in (made, ROOT / "service/pages/static/paper_beam.uff")
     )
@@ -283,8 +284,6 @@ def test_readme_names_commands_that_exist() -> None:
     named = set(re.findall(r"`?make (\w+)`?", readme))
     assert {"demo", "test"} <= named <= targets
     subcommands = set(re.findall(r"modalbase (up|demo|keys|worker|serve|db|import)\b", readme))
-    shown = subprocess.run(
-        [sys.executable, "-m", "service", "--help"], capture_output=True, text=True, check=True
-    )
+    shown = modalbase_here("--help", code=0).stdout
     assert subcommands
-    assert all(command in shown.stdout for command in subcommands)
+    assert all(command in shown for command in subcommands)

@@ -62,7 +62,7 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
         client(url, key) as api,
     ):
         # by another process, and nobody says where
-        made = modalbase("keys", "create", "--name", "ada", **around)
+        made = modalbase_here("keys", "create", "--name", "ada", **around)
         assert re.fullmatch(r"mb_[0-9a-f]{12}_\S+\n", made.stdout), made.stderr
         assert status(url, made.stdout.strip()) == 200
         modalbase_here("db", "current", code=0, **around)
@@ -100,7 +100,7 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
 
 
 def into_another_folder(file: Path, copy: Path) -> None:
-    assert modalbase("restore", str(file), "--data", str(copy)).returncode == 0
+    modalbase_here("restore", file, "--data", copy, code=0)
     again = modalbase_here("restore", file, "--data", copy, code=1)
     assert len(again.stderr.splitlines()) == 1
     assert "the database is not empty" in again.stderr

@@ -3,16 +3,18 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
+
+from sqlalchemy import make_url
 
 import modalbase
 from service.app.supervisor import LocalService
 from tests.support.command import COMMAND, environment, modalbase_here
+from tests.support.outage import Proxy
 from tests.support.rest import client_of, ok
 from tests.support.waiting import PATIENCE, until
 from tests.support.wind import WIND, wind
@@ -60,15 +62,17 @@ def arrives(folder: Path, name: str, content: bytes) -> None:
 def test_each_file_is_sent_once_through_outages_and_restarts(
     new_service: Callable[..., LocalService], tmp_path: Path
 ) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
     folder = tmp_path / "recordings"
     folder.mkdir()
     mapping = tmp_path / "mapping.json"
     mapping.write_text(json.dumps(WIND))
-    service = new_service(port=port, campaign_settle_seconds=3600)
-    with service:
-        env = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": service.new_key("warden")}
+    with (
+        new_service(campaign_settle_seconds=3600) as service,
+        closing(Proxy(make_url(service.url).port)) as proxy,
+        client_of(service, "warden") as api,
+    ):
+        env = {"MODALBASE_URL": f"http://127.0.0.1:{proxy.port}"}
+        env["MODALBASE_API_KEY"] = service.new_key("warden")
         with modalbase.connect(service.url, env["MODALBASE_API_KEY"]) as lab:
             structure = lab.new_project("bridge").new_structure("deck")
             structure.new_monitor("deck", watch="modes", covariates=["wind_m_s"])
@@ -83,11 +87,11 @@ def test_each_file_is_sent_once_through_outages_and_restarts(
         arrives(folder, "deck_20260302T0900.csv", b"wind_m_s,temperature_c\n4.2,11\n")
         read = watch.until("read", "deck_20260302T0900.npz")
         assert read["detail"].startswith("1 recordings")
-    arrives(folder, "deck_20260302T1000.csv", b"wind_m_s;temperature_c\n5,5;12\n")
-    arrives(folder, "deck_20260302T1000.npz", wind(2))
-    assert "tries again in" in watch.until("outage")["detail"]
-    again = LocalService(service.given)
-    with again:
+        proxy.close()
+        arrives(folder, "deck_20260302T1000.csv", b"wind_m_s;temperature_c\n5,5;12\n")
+        arrives(folder, "deck_20260302T1000.npz", wind(2))
+        assert "tries again in" in watch.until("outage")["detail"]
+        proxy.restore()
         watch.until("read", "deck_20260302T1000.npz")
         watch.process.send_signal(signal.SIGKILL)
         first.__exit__(None, None, None)
@@ -109,41 +113,38 @@ def test_each_file_is_sent_once_through_outages_and_restarts(
         assert watch.process.returncode == 4
         assert "3 known, 2 failed" in summary
 
-        with client_of(again, "warden") as api:
-            campaigns = ok(api.get(f"structures/{structure.id}/campaigns"))["items"]
-            shown = [
-                (one["performed_at"][11:16], one["covariates"], one["temperature_c"])
-                for one in campaigns
-            ]
-            assert shown == [
-                ("09:00", {"wind_m_s": 4.2}, 11),
-                ("10:00", {"wind_m_s": 5.5}, 12),
-                ("11:00", {"wind_m_s": 6}, None),
-                ("12:00", {"wind_m_s": 6}, None),
-            ]
-            (monitor,) = ok(api.get(f"structures/{structure.id}/monitors"))["items"]
-            until(
-                lambda: (
-                    {
-                        run["campaign_id"]
-                        for run in ok(api.get(f"monitors/{monitor['id']}/runs"))["items"]
-                        if run["state"] == "succeeded"
-                    }
-                    == {one["id"] for one in campaigns[:3]}
-                ),
-                "runs of what was read",
-            )
+        campaigns = ok(api.get(f"structures/{structure.id}/campaigns"))["items"]
+        shown = [
+            (one["performed_at"][11:16], one["covariates"], one["temperature_c"])
+            for one in campaigns
+        ]
+        assert shown == [
+            ("09:00", {"wind_m_s": 4.2}, 11),
+            ("10:00", {"wind_m_s": 5.5}, 12),
+            ("11:00", {"wind_m_s": 6}, None),
+            ("12:00", {"wind_m_s": 6}, None),
+        ]
+        (monitor,) = ok(api.get(f"structures/{structure.id}/monitors"))["items"]
+        until(
+            lambda: (
+                {
+                    run["campaign_id"]
+                    for run in ok(api.get(f"monitors/{monitor['id']}/runs"))["items"]
+                    if run["state"] == "succeeded"
+                }
+                == {one["id"] for one in campaigns[:3]}
+            ),
+            "runs of what was read",
+        )
 
         # one that failed is not sent again unless that is asked for, then into its campaign
-        env["MODALBASE_URL"] = again.url
         os.remove(folder / "without a time.npz")
         line = ["watch", folder, "--structure", "deck", "--like", campaigns[0]["id"], *NAMED[:4]]
         line += ["--covariates", "beside", "--rest", "0", "--once", "--json"]
         done = modalbase_here(*line, code=4, **env)
         assert "was sent before" in done.stdout
         done = modalbase_here(*line, "--retry", code=4, **env)
-        with client_of(again, "warden") as api:
-            listed = ok(api.get(f"structures/{structure.id}/imports"))["items"]
-            states = [one["status"] for one in listed]
-            assert sorted(states) == ["failed", "failed", *3 * ["succeeded"]]
-            assert len(ok(api.get(f"structures/{structure.id}/campaigns"))["items"]) == 4
+        listed = ok(api.get(f"structures/{structure.id}/imports"))["items"]
+        states = [one["status"] for one in listed]
+        assert sorted(states) == ["failed", "failed", *3 * ["succeeded"]]
+        assert len(ok(api.get(f"structures/{structure.id}/campaigns"))["items"]) == 4

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -15,7 +16,15 @@ from urllib.parse import urlsplit
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, ConsoleMessage, Page, Request, Route
+    from playwright.sync_api import (
+        Browser,
+        BrowserContext,
+        ConsoleMessage,
+        Page,
+        Request,
+        Route,
+        ViewportSize,
+    )
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
@@ -64,8 +73,11 @@ class Watched:
     """A page and what was seen of it.
 
     Attributes:
-        page: Playwright's.
+        context: Playwright's, which the pages of all tests share.
         host: where the service is; a request to any other is noted.
+        size: of the window, CSS pixels.
+        dark: whether the reader prefers dark pages.
+        page: Playwright's.
         complaints: errors and warnings of the console, violations of the policy, errors that nobody
             caught.
         strangers: addresses of other hosts that were asked.
@@ -73,15 +85,21 @@ class Watched:
         fields: how many were filled in by hand.
     """
 
-    page: Page
+    context: BrowserContext
     host: str
+    size: ViewportSize
+    dark: bool
+    page: Page = field(init=False)
     complaints: list[str] = field(default_factory=list)
     strangers: list[str] = field(default_factory=list)
     clicks: int = 0
     fields: int = 0
 
-    def listen(self) -> None:
-        """Note what this page complains of."""
+    def open(self) -> None:
+        """Go to an empty page, in a tab of its own, and note what it complains of."""
+        self.page = self.context.new_page()
+        self.page.set_viewport_size(self.size)
+        self.page.emulate_media(color_scheme="dark" if self.dark else "light")
         self.page.on("console", self._heard)
         self.page.on(
             "pageerror",
@@ -98,6 +116,19 @@ class Watched:
         """Click, and count it."""
         self.clicks += 1
         self.page.click(selector)
+
+    def print(self) -> str:
+        """Click on the report; its media type. Its tab is closed, as to draw a PDF is the
+        browser's own.
+        """
+        with (
+            self.context.expect_page() as tab,
+            self.context.expect_event("response", lambda one: "/report" in one.url) as report,
+        ):
+            self.click("a.button[data-report]")
+        tab.value.close()
+        assert report.value.status == 200
+        return str(report.value.headers["content-type"])
 
     def fill(self, prefix: str, values: dict[str, Any]) -> None:
         """Type values into fields by their names, or choose them where there is a list, and count
@@ -125,40 +156,39 @@ class Watched:
         itself anew where it takes the end of its dark colours, which are the browser's pretence,
         for the reader's wish.
         """
-        before, self.page = self.page, self.page.context.new_page()
+        before = self.page
+        self.open()
         before.close()
-        self.listen()
         self.page.goto(path, wait_until="networkidle")
+
+
+@cache
+def _context(running: Browser, url: str) -> BrowserContext:
+    """What all pages of a service share: a script that one has loaded and compiled serves the next
+    as it serves a reader's.
+    """
+    context = running.new_context(base_url=url, reduced_motion="reduce")
+    context.set_default_timeout(PATIENCE_MS)
+    context.new_page().goto("/healthz")  # the pages' process ends with the last of them
+    return context
 
 
 @contextmanager
 def watched_page(
-    running: Browser,
-    url: str,
-    *,
-    width: int = 1440,
-    height: int = 900,
-    dark: bool = False,
-    still: bool = True,
+    running: Browser, url: str, *, width: int = 1440, height: int = 900, dark: bool = False
 ) -> Iterator[Watched]:
-    """A page of a context of its own, without cookies of others, and with a notebook beside it.
+    """A page without cookies of others, of a reader who prefers reduced motion, and with a notebook
+    beside it.
 
     Args:
         running: the browser.
         url: of the service.
         width, height: of the window, CSS pixels.
         dark: whether the reader prefers dark pages.
-        still: whether the reader prefers reduced motion.
     """
-    context = running.new_context(
-        base_url=url,
-        viewport={"width": width, "height": height},
-        color_scheme="dark" if dark else "light",
-        reduced_motion="reduce" if still else "no-preference",
-    )
-    context.set_default_timeout(PATIENCE_MS)
-    seen = Watched(context.new_page(), urlsplit(url).netloc)
-    seen.listen()
+    context = _context(running, url)
+    seen = Watched(context, urlsplit(url).netloc, {"width": width, "height": height}, dark)
+    seen.open()
 
     def on_request(request: Request) -> None:
         asked = urlsplit(request.url)
@@ -169,7 +199,11 @@ def watched_page(
     try:
         yield seen
     finally:
-        context.close()
+        context.remove_listener("request", on_request)
+        for page in context.pages[1:]:
+            page.close()
+        context.clear_cookies()
+        context.clear_permissions()
 
 
 def answered(page: Page, yes: bool) -> str:
@@ -218,14 +252,22 @@ def noted_on_leaving(page: Page) -> Any:
     return page.evaluate("JSON.parse(sessionStorage.getItem('noted'))")
 
 
+AXE = """axe.run(
+    { exclude: [[".js-plotly-plot"]] },
+    { resultTypes: ["violations"], preload: false },
+).then((found) => found.violations.filter((rule) => /serious|critical/.test(rule.impact)))"""
+"""It loads no style sheets anew, which none of its rules that are on needs."""
+
+
 def hindrances(page: Page) -> list[str]:
     """What axe-core finds on a page that seriously hinders people: rule, help, first element.
     Plotly's drawings have a table or a caption beside them and are left out.
     """
-    from axe_playwright_python.sync_playwright import Axe
+    from axe_playwright_python.base import AXE_SCRIPT
 
-    found = Axe().run(page, context={"exclude": [[".js-plotly-plot"]]}).response["violations"]
-    grave = [rule for rule in found if rule["impact"] in ("serious", "critical")]
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(AXE_SCRIPT)
+    grave = page.evaluate(AXE)
     return [
         f"{rule['id']}: {rule['help']}: {rule['nodes'][0]['html'][:200]} ({page.url})"
         for rule in grave

@@ -25,14 +25,15 @@ LEASE_SECONDS = 3.0
 
 
 class Proxy:
-    """Passes connections from a port of loopback on to a Unix socket, as long as it is not cut.
+    """Passes connections from a port of loopback on to a Unix socket or another port, as long as
+    it is not cut.
 
     Attributes:
         port: where it listens; the same after a cut, which is `close` and ended by `restore`.
     """
 
-    def __init__(self, target: Path) -> None:
-        self._target = str(target)
+    def __init__(self, target: Path | int) -> None:
+        self._target = target
         self.port = 0
         self._ends: list[socket.socket] = []
         self.restore()
@@ -59,8 +60,10 @@ class Proxy:
                 threading.Thread(target=self._pass_on, args=(near,), daemon=True).start()
 
     def _pass_on(self, near: socket.socket) -> None:
-        with suppress(OSError), near, socket.socket(socket.AF_UNIX) as far:
-            far.connect(self._target)
+        of_a_port = isinstance(self._target, int)
+        kind = socket.AF_INET if of_a_port else socket.AF_UNIX
+        with suppress(OSError), near, socket.socket(kind) as far:
+            far.connect(("127.0.0.1", self._target) if of_a_port else str(self._target))
             self._ends += [near, far]
             while True:
                 for source in select.select([near, far], [], [])[0]:
