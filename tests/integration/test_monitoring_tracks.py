@@ -35,6 +35,7 @@ from service.platform.db.base import transaction_time
 from service.platform.db.engine import Sessions
 from service.platform.settings import Settings
 from service.tasks.judge import task
+from tests.support.lengths import long
 
 RUNS = 90
 
@@ -70,23 +71,23 @@ def stored(session: Session, series: MonitorSeries) -> tuple[dict[UUID, Any], li
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Series of ninety runs are long ones."""
+    """Series of some ten runs are long ones."""
     for name, value in {"WINDOW": 10, "BETWEEN": 5, "BEYOND": 0, "FOLLOWED_AT_ONCE": 25}.items():
         monkeypatch.setattr(task, name, value)
     monkeypatch.setattr(followed, "STATES_APART", 7)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("seed", "count"), [(1, 50), long(2, 90)])
 @pytest.mark.usefixtures("short")
 def test_any_order_gives_what_all_at_once_gives(
-    sessions: Sessions, seed: int, monkeypatch: pytest.MonkeyPatch
+    sessions: Sessions, seed: int, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rng = np.random.default_rng(seed)
     with sessions.begin() as session:
         monitor = a_monitor(session)
         series = newest_series(session, monitor)
-        runs = list(made_runs(0, RUNS, seed))
-        order = [int(at) for at in np.argsort(np.arange(RUNS) + rng.exponential(8, RUNS))]
+        runs = list(made_runs(0, count, seed))
+        order = [int(at) for at in np.argsort(np.arange(count) + rng.exponential(8, count))]
         while order:
             part, order = order[: (size := int(rng.integers(1, 30)))], order[size:]
             store_runs(session, monitor.structure_id, series.id, [runs[at] for at in sorted(part)])
@@ -103,7 +104,7 @@ def test_any_order_gives_what_all_at_once_gives(
         tracks, points = stored(session, series)
         # the same runs in a series of their own, all at once
         for name in ("WINDOW", "FOLLOWED_AT_ONCE"):
-            monkeypatch.setattr(task, name, 10 * RUNS)
+            monkeypatch.setattr(task, name, 10 * count)
         again = next_series(session, monitor, 2, "all at once")
         for run in session.scalars(select(MonitorRun).where(MonitorRun.series_id == series.id)):
             copy = {name: getattr(run, name) for name in ("campaign_id", "revision", "state")}
@@ -155,7 +156,7 @@ def test_a_long_series_is_followed_in_parts_and_shown_thinned(sessions: Sessions
 
 def test_the_benchmark_of_years_runs(capsys: pytest.CaptureFixture[str]) -> None:
     """A short form of it, whose numbers nobody looks at."""
-    ten_years(120, 1)
+    ten_years(30, 1)
     printed = capsys.readouterr().out
     assert "one more run judged" in printed
     assert "the structure's page" in printed
