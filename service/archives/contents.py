@@ -46,7 +46,7 @@ from service.nouns.storage.originals import copy_original
 from service.nouns.structures.models import deck_of, model_for
 from service.nouns.structures.operations import describe as described_structure
 from service.nouns.structures.operations import structures_of
-from service.nouns.updates.operations import labelled_results
+from service.nouns.updates.operations import joint_update_for, labelled_results
 from service.nouns.updates.result_schemas import CONSTANTS
 from service.platform.access import User
 from service.platform.web import shown_as
@@ -164,6 +164,8 @@ def _write_attachments(
     monitors = [one.id for key in structures for one in monitors_of(session, key)]
     of_campaigns = [row.id for row in campaigns]
     updates = [key for one in of_campaigns for key, _, _ in labelled_results(session, one)]
+    its = joint_update_for.all(session, project_id=project_ids)
+    updates += [row.id for row in its if row.request is not None]
     rows = [
         *beside_projects(session, project_ids),
         *attached_to(session, structure_id=structures),

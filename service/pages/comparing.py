@@ -16,8 +16,7 @@ from fastapi.responses import HTMLResponse
 
 from fecore.correlation import CRITERIA
 from service.figures.measured import Likeness, likeness
-from service.nouns.campaigns.climate import CLIMATE
-from service.nouns.campaigns.operations import campaign_for, campaigns_of, describe
+from service.nouns.campaigns.operations import campaign_for, campaigns_of, describe, of_the_test
 from service.nouns.campaigns.schemas import CampaignOut
 from service.nouns.coupons import routes as coupons
 from service.nouns.modes.operations import mode_set_for
@@ -78,6 +77,7 @@ def get_comparison(
         "compare.html",
         sides=sides,
         without=len(keys) - len(sides),
+        others=_others(visit, sides),
         differences=_differences(visit, sides),
         names=list(dict.fromkeys(p["name"] for result in known for p in result["parameters"])),
         units={p["name"]: p["unit"] for result in known for p in result["parameters"]},
@@ -105,7 +105,7 @@ def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> l
     ]
     names = _told_apart([each if several else (each[0], each[2]) for each in labels])
     results = [
-        Side(name, f"update of {moment(row.job.created_at)}", f"ui/update-jobs/{row.job.id}",
+        Side(name, _note(row), f"ui/update-jobs/{row.job.id}",
              campaigns[row.job.campaign_id], row, _modes_of(visit, row))
         for name, row in zip(names, rows, strict=False)
     ]  # fmt: skip
@@ -114,6 +114,26 @@ def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> l
              campaigns[each.campaign_id], None, each)
         for name, each in zip(names[len(rows) :], sets, strict=True)
     ]  # fmt: skip
+
+
+def _others(visit: Visit, sides: Sequence[Side]) -> list[NamedJob]:
+    """The newest results of the structure that is shown, but for those that are; none of several
+    structures.
+    """
+    structures = {side.campaign.structure_id for side in sides}
+    if len(structures) != 1:
+        return []
+    there = updating.list_update_jobs(
+        visit.session, visit.user, structure=structures.pop(), status=["succeeded"], limit=MOST
+    ).items
+    shown = {side.row.job.id for side in sides if side.row is not None}
+    return name_jobs(visit, [job for job in there if job.id not in shown])
+
+
+def _note(row: NamedJob) -> str:
+    """When a result was made; those of earlier versions do not say what their test was like."""
+    known = "test" in (row.result or {})["provenance"]
+    return f"update of {moment(row.job.created_at)}" + ("" if known else "; test as it is today")
 
 
 def _told_apart(names: Sequence[tuple[str, ...]]) -> list[str]:
@@ -149,15 +169,11 @@ def _differences(visit: Visit, sides: Sequence[Side]) -> list[tuple[str, list[st
 
 
 def _stated(visit: Visit, side: Side) -> Iterator[tuple[str, str]]:
-    members = {
-        "boundary",
-        "performed_at",
-        *CLIMATE,
-        "instruments",
-        "inputs",
-        "frame",
-    }
-    yield from leaves(side.campaign.model_dump(mode="json", include=members))
+    """What an update read, whatever became of it since; of modes alone, what is stated today."""
+    provenance = ((side.row and side.row.result) or {}).get("provenance", {})
+    test = provenance.get("test") or of_the_test(side.campaign)
+    used = {name: provenance[name] for name in ("inputs",) if name in provenance}
+    yield from leaves({**test, **used})
     if side.row is None:
         return
     structure = describe_version(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import PurePosixPath
 from typing import Annotated, Any
 
@@ -84,6 +85,8 @@ def _facts(look: FileLook, filename: str) -> dict[str, Any]:
         "fits": look.fits,
         "has_only_modes": set(look.counts) <= {"modes", "grid points"} and "modes" in look.counts,
         "points": look.counts["grid points"],
+        "offers": [asdict(offer) for offer in look.points],
+        "reach_mm": look.reach_m and [1000 * size for size in look.reach_m],
         "structure/name": look.title or stem,
         "campaign/name": "" if look.is_model else stem,
         "campaign/performed_at": at and at.isoformat(timespec="minutes"),

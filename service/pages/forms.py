@@ -115,9 +115,10 @@ class _Schema:
         if name in self.choices:
             return FormField(kind="select", options=self.choices[name], **common)
         if "enum" in node:
-            return FormField(
-                kind="select", options=[(value, words(value)) for value in node["enum"]], **common
-            )
+            named = OWN_OPTIONS.get(label, {})
+            options = [(value, named.get(value, words(value))) for value in node["enum"]]
+            common["help"] = "" if named else common["help"]
+            return FormField(kind="select", options=options, **common)
         if node.get("type") == "object":
             return FormField(kind="group", fields=self.members(node, f"{name}/"), **common)
         if node.get("type") == "array":
@@ -200,6 +201,13 @@ OWN_LABELS = {
     "retention_days": "Files are kept [days]",
 }
 """Where people call a member otherwise than its name does."""
+OWN_OPTIONS = {
+    "watch": {
+        "update": "constants of the model, updated with every test",
+        "modes": "frequencies and damping of the modes, without a model",
+    }
+}
+"""The same of what a member may be."""
 
 
 def _label(name: str) -> str:

@@ -33,6 +33,7 @@ from service.nouns.monitors.schemas import AlarmOut
 from service.nouns.recordings import routes as recordings
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
+from service.nouns.structures.operations import was_another
 from service.pages.look import Visit, VisitDep
 from service.pages.tasks import cards_of
 from service.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
@@ -73,6 +74,7 @@ def get_structure(
         "structure.html",
         **context,
         has_mesh=has_mesh(context["structure"]),
+        was_another=was_another(visit.session, structure_id),
         model=(
             models.get_model(structure_id, visit.session, visit.user)
             if context["structure"].model

@@ -42,7 +42,7 @@ def read_typed(
     entries: Annotated[list[Typed], Body(max_length=5000)], _user: CurrentUser
 ) -> list[dict[str, Any]]:
     """Of each text its `value`, as REST takes it, with `words` for the page; or the `fault` in
-    it.
+    it, and the `readings` of what could be two numbers, unusual ones left out.
     """
     return [_read(one, place) for place, one in enumerate(entries)]
 
@@ -72,6 +72,9 @@ def _read(entry: Typed, place: int) -> dict[str, Any]:
             "value": values[0] if entry.kind == "array" and len(values) == 1 else values,
             "words": words,
         }
+    except typed.AmbiguousError as error:
+        readings = error.usual(unit, to) if entry.kind == "number" else []
+        return {"fault": str(error), "readings": readings}
     except typed.UnreadableError as error:
         return {"fault": str(error)}
 

@@ -61,11 +61,13 @@ def test_what_is_typed_is_shown_as_understood_and_sent_so(
         typed(
             page,
             "structure/density_kg_m3",
-            "1,850",
-            "“1,850” is 1850 or 1.850: write which, without a comma",
+            "2,012 g/cm3",
+            "“2,012 g/cm3” is 2012 or 2.012: write which, without a comma Take 2.012 g/cm3",
         )
         page.click("button:text('Store the test')")
         assert page.url.endswith("/ui/new")
+        page.click("button:text('Take 2.012 g/cm3')")
+        page.wait_for_selector("small.understood:text-is('= 2012 kg/m³')")
         typed(page, "structure/density_kg_m3", "1.85 g/cm³", "= 1850 kg/m³")
         with page.expect_navigation(url="**/ui/campaigns/*"):
             page.click("button:text('Store the test')")

@@ -5,6 +5,7 @@ what they are beside; and whose reports their photographs are in.
 import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from zipfile import ZipFile
 
 import httpx
 import psycopg
@@ -66,6 +67,19 @@ def test_every_noun_has_attachments(
     made.delete()
     assert update.attachments() == []
     assert ok(api.get(storage))["parts"]["attachments"] == 4 * len(photo())
+    other = {"name": "second", "boundary": test.fields["boundary"]}
+    second = ok(api.post(f"structures/{structure.id}/campaigns", json=other), 201)["id"]
+    jobs = [{"campaign_id": one} for one in (campaign, second)]
+    joint = ok(api.post("update-jobs", json={"joint": True, "jobs": jobs}), 202)["joint"]["id"]
+    beside = f"joint-updates/{joint}/attachments"
+    note = ok(api.post(beside, params={"filename": "n.txt"}, content=b"n", headers=RAW), 201)
+    assert note["update_job_id"] == joint
+    assert ok(api.get(beside))["items"] == [note]
+    ok(api.get(f"update-jobs/{joint}/attachments"), 404)
+    ok(api.get(f"joint-updates/{update.id}/attachments"), 404)
+    assert ok(api.get(storage))["parts"]["attachments"] == 4 * len(photo()) + 1
+    assert "attachments.json" in ZipFile(project.archive(tmp_path / "a.zip")).namelist()
+    ok(api.delete(f"attachments/{note['id']}"), 204)
     monitor.delete()
     assert len(ok(api.get("search/attachments", params=words))["items"]) == 3
     test.delete()

@@ -3,6 +3,7 @@ one material.
 """
 
 import io
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -70,9 +71,11 @@ def budget_of(result: dict[str, Any], name: str) -> dict[str, dict[str, Any]]:
 
 
 def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
-    api: httpx.Client, project: str, beam: dict[str, Any]
+    api: httpx.Client, service: LocalService, project: str, beam: dict[str, Any]
 ) -> None:
-    """A campaign without FRFs is updated from its modes alone; the recipe has the last word."""
+    """A campaign without FRFs is updated from its modes alone; the recipe has the last word. A
+    result says what its test was like, and the page beside another one does, whatever is edited.
+    """
     stated = {**beam, "inputs": {**NO_DOUBT, "thickness_sd_m": 0.3e-3}}
     structure = posted(api, f"projects/{project}/structures", stated)
     assert structure["inputs"] == {
@@ -114,11 +117,25 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
         **dict(zip(("Ex_low", "Ex_high"), ex["interval_95"], strict=True)),
     }
 
+    first, address = result["provenance"], f"campaigns/{campaign['id']}"
+    assert "temperature_c" not in first["test"]
+    ok(api.patch(address, json={"temperature_c": 30}, headers={"If-Match": "*"}))
     recipe = {"mode_set": mode_set, "inputs": {"thickness_sd_m": 0, "window_rate_per_s": 0}}
     result = updated(api, campaign["id"], recipe)
     assert "thickness" not in budget_of(result, "Ex")
     estimates = {row["name"]: row["estimate"] for row in result["parameters"]}
     assert estimates["a0"] == pytest.approx(A0 + 2 / TAU, rel=1e-6)
+    ok(api.patch(address, json={"temperature_c": 12}, headers={"If-Match": "*"}))
+    second = result["provenance"]
+    assert second["test"]["temperature_c"] == 30
+    with session_client(api, base=service.url) as browser:
+        jobs = [first["update_job"], second["update_job"]]
+        page = browser.get("/ui/compare", params={"job": jobs}).text
+        rows = [re.sub(r"<[^>]+>|\s", " ", row).split() for row in page.split("<tr>")]
+        assert ["temperature", "–", "30", "°C"] in rows
+        assert ["inputs", "thickness", "sd", "0.3000", "mm", "0", "mm"] in rows
+        alone = browser.get("/ui/compare", params={"job": jobs[0]}).text
+        assert f'name="job" value="{jobs[1]}"' in alone
 
 
 def test_a_change_of_inputs_is_a_version(api: httpx.Client, structure: str) -> None:

@@ -271,11 +271,12 @@ read    viewer  GET /monitors/{monitor_id}/series/rows, GET /monitors/{monitor_i
 
 write   editor  POST /projects/{project_id}/attachments, POST /structures/{structure_id}/attachments
 write   editor  POST /campaigns/{campaign_id}/attachments, POST /update-jobs/{update_job_id}/attachments
+write   editor  POST /joint-updates/{joint_id}/attachments
 write   editor  POST /monitors/{monitor_id}/attachments, DELETE /attachments/{attachment_id}
 write   editor  PATCH /attachments/{attachment_id}
 read    viewer  GET /projects/{project_id}/attachments, GET /structures/{structure_id}/attachments
 read    viewer  GET /campaigns/{campaign_id}/attachments, GET /update-jobs/{update_job_id}/attachments
-read    viewer  GET /monitors/{monitor_id}/attachments
+read    viewer  GET /monitors/{monitor_id}/attachments, GET /joint-updates/{joint_id}/attachments
 read    viewer  GET /attachments/{attachment_id}, GET /attachments/{attachment_id}/file
 
 read    anyone  GET /laboratory, GET /laboratory/logo

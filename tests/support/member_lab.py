@@ -28,7 +28,15 @@ from tests.support.profiles import ANGLE
 from tests.support.rest import RAW, finished, ok, posted
 from tests.support.wind import WIND, wind
 
-ATTACHED = ("project", "structure", "campaign", "update_job", "monitor")
+ATTACHED = ("project", "structure", "campaign", "update_job", "joint_update", "monitor")
+
+
+def attachments_of(noun: str) -> str:
+    """The address of what is attached to a noun."""
+    key = "joint_id" if noun == "joint_update" else f"{noun}_id"
+    return f"{noun.replace('_', '-')}s/{{{key}}}/attachments"
+
+
 HOOK = "http://127.0.0.1:9/hook"  # nothing listens there
 MESH = (
     "SOL 103\nCEND\nBEGIN"
@@ -362,7 +370,7 @@ class Furnishing:
             self.lab.ids[f"{name}update_job_id"] = self.lab.ids[f"{name}job_id"]
         for noun in ATTACHED:
             for name in ("a.txt", "b.txt"):
-                path = f"{noun.replace('_', '-')}s/{{{noun}_id}}/attachments"
+                path = attachments_of(noun)
                 sent = {"content": name.encode(), "headers": RAW, "params": {"filename": name}}
                 self.make("attachment_id", path, **sent)
 

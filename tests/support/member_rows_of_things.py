@@ -9,6 +9,7 @@ from tests.support.member_lab import (
     ATTACHED,
     MESH,
     RECIPE,
+    attachments_of,
 )
 from tests.support.members import Body, Lab, Refused, To
 from tests.support.places import ROOT
@@ -131,7 +132,7 @@ _ATTACHED = {"filename": To("other.txt", "name"), "caption": "from the left"}
 
 def _attachments(noun: str) -> dict[str, Body]:
     """Rows of what is attached to a noun, and of the list of it."""
-    path = f"/{noun.replace('_', '-')}s/{{{noun}_id}}/attachments"
+    path = f"/{attachments_of(noun)}"
     form = {"file": To(["a.txt", b"another"], "sha256"), "body.caption": "from the right"}
     return {
         f"GET {path}": Body(),

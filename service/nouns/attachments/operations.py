@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from uuid import UUID
 
 from sqlalchemy import ForeignKey, FromClause, Index, func, select, text
-from sqlalchemy.orm import Mapped, Session, mapped_column
+from sqlalchemy.orm import Mapped, Session, mapped_column, synonym
 
 from service.platform.db.base import Base, Big, Identified
 
@@ -46,6 +46,8 @@ class Attachment(Identified, Base):
         ForeignKey("update_jobs.id", ondelete="CASCADE")
     )
     monitor_id: Mapped[UUID | None] = mapped_column(ForeignKey("monitors.id", ondelete="CASCADE"))
+    joint_id: Mapped[UUID | None] = synonym("update_job_id")
+    """The same of an update of several campaigns, which has no campaign's rights."""
     name: Mapped[str]
     caption: Mapped[str]
     media_type: Mapped[str]

@@ -8,7 +8,7 @@ from uuid import UUID
 from fastapi import Path, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import AfterValidator, Field
-from sqlalchemy import and_
+from sqlalchemy import ColumnElement, and_, select
 from sqlalchemy.orm import Session
 
 from service.nouns.attachments.operations import (
@@ -22,7 +22,7 @@ from service.nouns.monitors.runs import monitor_for
 from service.nouns.storage import book
 from service.nouns.storage.originals import copy_original, forget_originals, keep_original
 from service.nouns.structures.operations import structure_for
-from service.nouns.updates.operations import update_job_for
+from service.nouns.updates.operations import joint_update_for, update_job_for
 from service.platform.access import CurrentUser, Lookup, SessionDep, User, api_router, project_for
 from service.platform.access.lookup import Role, projects
 from service.platform.access.nouns import NounRoutes
@@ -44,7 +44,7 @@ class AttachmentOut(StrictModel):
     project_id: UUID
     structure_id: UUID | None = Field(description="of what it is beside; null of the others")
     campaign_id: UUID | None
-    update_job_id: UUID | None
+    update_job_id: UUID | None = Field(description="of one campaign or of several")
     monitor_id: UUID | None
     name: str = Field(description="of the file")
     caption: str = Field(description="what it shows; below a photograph in the report")
@@ -77,6 +77,8 @@ def _payer(session: Session, row: Attachment) -> tuple[Lookup[Any], Any]:
     """Whose bytes they are: what takes them along when it is purged."""
     if row.update_job_id is not None:
         row_of = update_job_for.row(session, row.update_job_id)
+        if row_of.request is not None:
+            return joint_update_for, row_of
         return campaign_for, campaign_of(session, row_of.campaign_id)
     if row.campaign_id is not None:
         return campaign_for, campaign_for.row(session, row.campaign_id)
@@ -89,10 +91,13 @@ def _payer(session: Session, row: Attachment) -> tuple[Lookup[Any], Any]:
 
 
 def _beside(column: str, owner: Lookup[Any] | None) -> Lookup[Attachment]:
-    if owner is not None:
-        own = getattr(Attachment, column).is_not(None)
-    else:  # of a project itself
+    own: ColumnElement[bool]
+    if owner is None:  # of a project itself
         own = and_(*(getattr(Attachment, each).is_(None) for each in OWNERS))
+    elif owner.among:
+        own = getattr(Attachment, column).in_(select(owner.table.id).where(*owner.among))
+    else:
+        own = getattr(Attachment, column).is_not(None)
     return Lookup(Attachment, "attachment", column, owner, among=own)
 
 
@@ -101,6 +106,7 @@ OF = {
     "structure_id": _beside("structure_id", structure_for),
     "campaign_id": _beside("campaign_id", campaign_for),
     "update_job_id": _beside("update_job_id", update_job_for),
+    "joint_id": _beside("joint_id", joint_update_for),
     "monitor_id": _beside("monitor_id", monitor_for),
 }
 """How the attachments of each noun are found: with the rights of what they are beside."""
@@ -119,6 +125,10 @@ def attachment_for(
     if row is None:
         raise NotFound("attachment", key)
     beside = next((name for name in OWNERS if getattr(row, name) is not None), "project_id")
+    if (of := row.update_job_id) is not None and update_job_for.row(
+        session, of
+    ).request is not None:
+        beside = "joint_id"
     return OF[beside], OF[beside](session, user, key, role)
 
 
@@ -155,15 +165,15 @@ def _routes(column: str, noun: str) -> NounRoutes[Attachment, AttachmentOut]:
         find.add(session, user, row, name=row.name, sha256=row.sha256.hex())
         return nouns.made(session, row, response)
 
-    called = "an update" if noun == "update_job" else f"a {noun}"
+    called = "an update" if noun == "update_job" else f"a {noun.replace('_', ' ')}"
     attach.__name__ = f"attach_to_{noun}"
     attach.__doc__ = (
         f"Keep a file beside {called}, as raw body or as multipart field `file`:"
         " a photograph, a drawing, notes, anything."
     )
-    below = column.removesuffix("_id").replace("_", "-")
+    below = f"{noun.replace('_', '-')}s"
     router.add_api_route(
-        f"/{below}s/{{{column}}}/attachments",
+        f"/{below}/{{{column}}}/attachments",
         attach,
         methods=["POST"],
         status_code=201,
@@ -174,7 +184,7 @@ def _routes(column: str, noun: str) -> NounRoutes[Attachment, AttachmentOut]:
     nouns.listing(
         f"list_attachments_of_{noun}",
         f"Files beside {called}, oldest first.",
-        owners=f"{below}s",
+        owners=below,
     )
     return nouns
 
@@ -203,6 +213,7 @@ of_nouns = {
         "structure_id": "structure",
         "campaign_id": "campaign",
         "update_job_id": "update_job",
+        "joint_id": "joint_update",
         "monitor_id": "monitor",
     }.items()
 }

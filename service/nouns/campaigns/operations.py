@@ -185,6 +185,17 @@ def describe(campaign: Campaign) -> CampaignOut:
     )
 
 
+OF_THE_TEST = {"boundary", "frame", "instruments", "inputs", "performed_at", "covariates", *CLIMATE}
+"""Members of a campaign that say what the test was like."""
+
+
+def of_the_test(campaign: CampaignOut) -> dict[str, Any]:
+    """What a campaign states of its test, as JSON; what it does not state is left out."""
+    return campaign.model_dump(
+        mode="json", include=OF_THE_TEST, exclude_none=True, exclude_defaults=True
+    )
+
+
 def dated_campaigns(
     session: Session,
     structure_id: UUID,

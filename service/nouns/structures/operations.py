@@ -235,6 +235,24 @@ def _described(
     return shown_as(StructureOut, structure, **now, replaced=replaced)
 
 
+def was_another(session: Session, structure_id: UUID) -> bool:
+    """Whether an earlier version of a structure says what it was; a structure is often empty until
+    its deck is read.
+    """
+    version = StructureVersion
+    bodies = (version.length_m, *(getattr(version, name) for name in _BODIES if name != "geometry"))
+    earlier = (
+        select(version.id)
+        .join(Structure, Structure.id == version.structure_id)
+        .where(
+            Structure.id == structure_id,
+            version.number < Structure.version,
+            or_(*(column.is_not(None) for column in bodies)),
+        )
+    )
+    return session.scalar(select(earlier.exists())) or False
+
+
 def describe_version(version: StructureVersion, name: str) -> StructureIn:
     """A structure as it was in a version, in the form of a request.
 

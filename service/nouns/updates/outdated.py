@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from service.nouns.updates.tables import UpdateJob
 
 
-OF_THE_TEST = ("boundary", "frame", "instruments", "inputs", "temperature_c")
+READ = ("boundary", "frame", "instruments", "inputs", "temperature_c")
 """Members of a campaign that an update reads."""
 
 
@@ -64,7 +64,7 @@ def outdated(session: Session, job: UpdateJob, document: dict[str, Any]) -> Outd
     changes = {
         "structure": version.created_at if version.id != job.structure_version_id else None,
         "campaign": first_event(
-            session, "campaign.change", [campaign.id], began, job.project_id, OF_THE_TEST
+            session, "campaign.change", [campaign.id], began, job.project_id, READ
         ),
         "points": first_event(session, "grid_points.put", [campaign.id], began, job.project_id),
         "hits": hits_changed(session, job.campaign_id, used, began),

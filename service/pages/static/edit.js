@@ -134,6 +134,10 @@ for (const form of document.querySelectorAll("form[data-poles]")) {
   for (const box of polesOf(form))
     box.addEventListener("change", () => {
       form.hidden = !changed().length;
+      box.closest("tr").classList.toggle("edited", box.checked !== box.defaultChecked);
+      const hz = Number(Number(box.dataset.pole).toPrecision(5));
+      const then = form.hidden ? "as it was" : `save it as a new mode set, above`;
+      say(`${hz} Hz: ${box.checked ? "kept" : "dropped"}; ${then}.`, () => box.click());
     });
   form.addEventListener("submit", (event) => {
     event.preventDefault();
@@ -143,15 +147,12 @@ for (const form of document.querySelectorAll("form[data-poles]")) {
       keep: box.checked,
       reason,
     }));
-    submitted(form, async () =>
-      goOn(
-        form.dataset.then,
-        await send("POST", form.dataset.poles, {
-          name: form.elements.name.value.trim(),
-          decisions,
-        }),
-      ),
-    );
+    submitted(form, async () => {
+      const body = { name: form.elements.name.value.trim(), decisions };
+      const { name, modes } = await send("POST", form.dataset.poles, body);
+      sessionStorage.setItem("said", `Saved as “${name}”: ${modes.length} modes.`);
+      goOn(form.dataset.then);
+    });
   });
 }
 /* A click on a pole of a stabilisation diagram turns the box of the fitted pole that it stands for;
@@ -179,9 +180,6 @@ for (const figure of document.querySelectorAll("figure[data-figure$='/figures/st
           fit.hidden = false;
           return say(`${Number(point.x.toPrecision(5))} Hz: to be fitted.`);
         }
-        box.click();
-        return say(`${Number(hz.toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`, () =>
-          box.click(),
-        );
+        return box.click();
       });
   });

@@ -125,17 +125,12 @@ function stateFacts() {
       fill(input, input.type === "datetime-local" ? localTime(value) : value);
       input.after(made("small", { className: "stated" }, `from ${facts.name}`));
     }
+  for (const { facts } of measuredOnes()) offerPoints(form, facts);
   const model = looked.find(({ facts }) => facts.model && !facts.refused);
   const { deck, units } = form.elements;
   if (model && deck.files[0] !== model.file) {
     const { asks_units: asked, fits } = model.facts;
-    form.querySelector("[data-fits]")?.remove();
-    if (fits) {
-      const take = made("button", { type: "button", className: "tool" }, `Take ${fits}, which fit`);
-      take.dataset.fits = "";
-      take.onclick = () => fill(units, fits);
-      units.after(take);
-    }
+    if (fits) offer(units, [[`Take ${fits}, which fit`, () => fill(units, fits)]]);
     const held = new DataTransfer();
     held.items.add(model.file);
     deck.files = held.files;
@@ -145,6 +140,49 @@ function stateFacts() {
     kind.dispatchEvent(new Event("change", { bubbles: true }));
     units.required = asked;
   }
+}
+/* What a file suggests for a field stands below it, in place of what another one did; a click takes
+   it. */
+function offer(input, ways) {
+  input.closest("label").querySelector(".offer")?.remove();
+  const take = ([words, does]) => {
+    const onclick = () => {
+      does();
+      input.dispatchEvent(new Event("input", { bubbles: true }));
+    };
+    return made("button", { type: "button", className: "plain", onclick }, words);
+  };
+  input.after(made("span", { className: "offer" }, ...ways.map(take)));
+}
+const short = (value) => Number(value.toPrecision(6));
+function offerPoints(form, { name, offers = [], reach_mm: reach }) {
+  const { points } = form.elements;
+  if (reach) offerSize(form, name, reach);
+  const ways = offers.flatMap(({ array, labels, places, millimetres, reach: own }) =>
+    Object.entries(millimetres).map(([unit, size]) => [
+      `Take the ${labels.length} points of ${array} in ${name}, in ${unit}`,
+      () => {
+        const line = (place, i) => [labels[i], ...place.map((x) => short(x * size))].join("; ");
+        fill(points, places.map(line).join("\n"));
+        offerSize(form, array, own.map((x) => x * size));
+      },
+    ]),
+  );
+  if (ways.length) offer(points, ways);
+}
+function offerSize(form, name, reach) {
+  const [length, width] = reach.map(short);
+  if (!length || !width) return;
+  for (const at of ["geometry", "shape"])
+    offer(form.elements[`structure/${at}/length_m`], [
+      [
+        `Take ${length} × ${width} mm, as far as the points of ${name} reach`,
+        () => {
+          form.elements[`structure/${at}/length_m`].value = length;
+          form.elements[`structure/${at}/width_m`].value = width;
+        },
+      ],
+    ]);
 }
 /* Points are asked for where no file has them and the update needs them; the button counts what is
    missing. */

@@ -63,6 +63,19 @@ document.addEventListener("keydown", ({ key }) => {
   }
 });
 
+/* One within what scrolls would be cut off: it stands over the page, below its head. */
+document.addEventListener(
+  "toggle",
+  ({ target: menu }) => {
+    if (!menu.open || !menu.matches(".fill .menu")) return;
+    const { left, bottom } = menu.firstElementChild.getBoundingClientRect();
+    const { style, offsetWidth, offsetHeight } = menu.lastElementChild;
+    style.left = `${Math.max(8, Math.min(left, innerWidth - offsetWidth - 8))}px`;
+    style.top = `${Math.max(8, Math.min(bottom + 4, innerHeight - offsetHeight - 56))}px`;
+  },
+  true,
+);
+
 /* Tabs. Of a page: an address ends in the part that is seen, or in what is within it. Of a pane:
    one of the parts that follow its bar is seen. */
 const tabs = [...document.querySelectorAll(".tabs > div:first-child a")];

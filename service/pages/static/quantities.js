@@ -56,6 +56,13 @@ function showUnderstood(input) {
   if (!below)
     input.after((below = made("small", { className: "understood", role: "status" })));
   below.textContent = read?.fault ?? (read?.words ? `= ${read.words}` : "");
+  for (const one of read?.readings ?? []) {
+    const onclick = () => {
+      input.value = one;
+      echo(input);
+    };
+    below.append(" ", made("button", { type: "button", className: "plain", onclick }, `Take ${one}`));
+  }
   below.classList.toggle("wrong", Boolean(read?.fault));
   input.setCustomValidity(read?.fault ?? "");
   return read ?? {};

@@ -230,6 +230,7 @@ export class Space {
     this.renderer = new three.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(devicePixelRatio);
     this.renderer.autoClear = false;
+    this.renderer.debug.checkShaderErrors = false; // which would wait for each in the first frame
     Object.assign(this, framed(three, scene));
     this.camera = new three.PerspectiveCamera(FIELD, 1, this.radius / 50, this.radius * 50);
     this.camera.up.set(0, 0, 1);
@@ -267,11 +268,7 @@ export class Space {
   /* Pictures of the structure: at rest, or one for each of up to two shapes, beside or over each
      other. */
   show(shapes, beside = false) {
-    for (const { group } of this.bodies)
-      group.traverse((part) => {
-        part.geometry?.dispose();
-        part.material?.dispose();
-      });
+    this.former = [...(this.former ?? []), ...this.bodies];
     const { three, scene, rest, colors } = this;
     const over = shapes.length > 1 && !beside;
     const before = this.beside;
@@ -294,6 +291,7 @@ export class Space {
       made.add(group);
       return made;
     });
+    for (const each of this.scenes) this.renderer.compile(each, this.camera); // not in a frame
     this.select(this.chosen ?? -1);
     this.resize();
     if (before !== this.beside) this.home();
@@ -388,8 +386,17 @@ export class Space {
       renderer.render(this.scenes[i], this.camera);
     });
     this.label();
+    this.forget();
     if (state.running && this.seen && bodies.some(({ shape }) => shape)) this.dirty();
     else this.last = undefined;
+  }
+  /* Pictures of before stay until new ones are drawn, which so have their programs. */
+  forget() {
+    for (const { group } of this.former.splice(0))
+      group.traverse((part) => {
+        part.geometry?.dispose();
+        part.material?.dispose();
+      });
   }
   /* Where the points are seen, CSS pixels of the canvas. */
   seenAt() {

@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
-from fecore.quantities import WRITTEN
+from fecore.quantities import QUANTITIES, WRITTEN
 from service.platform.errors import ServiceError
 
 _INCH, _POUND, _POUND_FORCE, _PSI = "0.0254", "0.45359237", "4.4482216152605", "6894.757293168361"
@@ -53,6 +53,29 @@ SMALLEST, LARGEST = Fraction("1e-300"), Fraction("1e300")
 
 class UnreadableError(ServiceError):
     """A text is no quantity of its field; the message says what would be."""
+
+
+class AmbiguousError(UnreadableError):
+    """A text could mean two numbers.
+
+    Attributes:
+        readings: both, each with the unit that the text has.
+    """
+
+    def __init__(self, text: str, first: str, second: str) -> None:
+        self.readings = [first, second]
+        super().__init__(f"“{text[:40]}” is {first} or {second}: write which, without a comma")
+
+    def usual(self, unit: str, to: str) -> list[str]:
+        """The readings that a quantity of this unit usually has; both where none is, or each is."""
+        ranges = [one.usual for one in QUANTITIES.values() if one.unit == to and one.usual]
+        values = {one: abs(read(one, unit, to)) for one in self.readings}
+        usual = [
+            one
+            for one, value in values.items()
+            if any(low <= value <= high for low, high in ranges)
+        ]
+        return usual or self.readings
 
 
 def read(text: str, unit: str, to: str) -> float:
@@ -214,11 +237,14 @@ def _parts(text: str, unit: str) -> tuple[Fraction, str]:
     match = _QUANTITY.fullmatch(re.sub(r"\s+1/", " /", plain)) if len(plain) <= LONGEST else None
     if match is None:
         raise UnreadableError(f"“{text.strip()[:40]}” is no number{f' in {unit}' if unit else ''}")
-    digits = _decimal(match["digits"], text.strip())
-    return (
-        Fraction(f"{match['sign']}{digits}e{match['e'] or match['ten'] or 0}"),
-        (match["unit"] or "").strip(),
-    )
+    stated, power = (match["unit"] or "").strip(), match["e"] or match["ten"] or 0
+    try:
+        digits = _decimal(match["digits"], text.strip())
+    except AmbiguousError as error:
+        tail = f"{f'e{power}' if power else ''} {stated}".rstrip()
+        error.readings = [f"{match['sign']}{number}{tail}" for number in error.readings]
+        raise
+    return Fraction(f"{match['sign']}{digits}e{power}"), stated
 
 
 def _decimal(digits: str, text: str) -> str:
@@ -235,10 +261,7 @@ def _decimal(digits: str, text: str) -> str:
             and len(after) == 3
             and re.fullmatch(r"[1-9]\d{0,2}", before)
         ):
-            raise UnreadableError(
-                f"“{text[:40]}” is {before}{after} or {before}.{after}: write which, without a"
-                " comma"
-            )
+            raise AmbiguousError(text, f"{before}{after}", f"{before}.{after}")
         whole, fraction = before, after
     elif len(marks) == 2 and digits.count(marks[1]) == 1:
         whole, fraction = digits.split(marks[1])

@@ -5,14 +5,18 @@ nothing is stored.
 from __future__ import annotations
 
 import re
+import warnings
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from modalbase.formats import uff
+from modalbase.formats.errors import FormatError
 from modalbase.formats.models.units import guess
+from modalbase.formats.records.variables import read_named
 from modalbase.formats.registry import FORMATS, Kind
 from modalbase.formats.statements import (
     date_in,
@@ -26,10 +30,12 @@ from service.compute.models.reading import READERS, parsed
 from service.compute.recordings import limit_of
 from service.tasks.import_file.arrays_of_files import FileDescription
 from service.tasks.import_file.compute import Kept, ReadingInputs, read_upload
+from service.tasks.look.points import PointsOffer, offers_of, reach_of
 
 MODELS = (*READERS, *MESHES)
 """Ends of names of files that hold a model; some of them may hold a measurement instead."""
 
+LARGE = 64_000_000  # bytes of a file that is not searched for grid points as a whole
 _MEASURED = frozenset(suffix for row in FORMATS.values() for suffix in row.every_suffix)
 _BLANK = re.compile(r"\s+")
 _NO_NAME = ("", "none", "unknown")
@@ -54,6 +60,8 @@ class FileLook:
     instruments: dict[str, str] = field(default_factory=dict)  # by members of a campaign's
     is_model: bool = False  # whether it is a deck or a mesh
     states_units: bool = True  # whether its numbers need no unit to be stated
+    points: tuple[PointsOffer, ...] = ()  # arrays that may be grid points
+    reach_m: tuple[float, float] | None = None  # length and width that its grid points reach over
 
 
 class _Silence:
@@ -92,7 +100,22 @@ def look_at(path: Path, filename: str, kind: Kind | None) -> FileLook:
         mapping=with_sensitivities(looked.mapping, texts),
         performed_at=performed_at(texts),
         instruments=instruments(texts),
+        points=_points(path, looked),
     )
+
+
+def _points(path: Path, looked: FileLook) -> tuple[PointsOffer, ...]:
+    """Arrays of a file that may be its grid points; none of one that is read part by part."""
+    row = FORMATS[looked.format]
+    if not row.arrays or row.is_table or row.fixed_rate or path.stat().st_size > LARGE:
+        return ()
+    with warnings.catch_warnings(), suppress(FormatError):
+        warnings.simplefilter("ignore")  # they are notes of the file already
+        variables, texts = read_named(path, row.suffixes[0], limit_of(path))
+        at = looked.mapping.get("response_point")
+        count = len(at) if isinstance(at, list) else looked.counts["FRFs"]
+        return tuple(offers_of(variables, texts, count))
+    return ()
 
 
 def _model(path: Path, filename: str, suffix: str) -> FileLook:
@@ -116,6 +139,7 @@ def _model(path: Path, filename: str, suffix: str) -> FileLook:
 
 def _gathered(items: Any) -> FileLook:
     description, counts, refused = FileDescription(""), Counter[str](), dict[str, None]()
+    places: list[tuple[float, float, float]] = []
     for item in items:
         if isinstance(item, FileDescription):
             description = item
@@ -124,6 +148,7 @@ def _gathered(items: Any) -> FileLook:
                 refused[item.reason] = None
         else:
             counts[_noun(item)] += len(item) if isinstance(item, list) else 1
+            places += [point.xyz_m for point in item] if isinstance(item, list) else []
     return FileLook(
         format=description.format,
         kind=description.kind,
@@ -132,6 +157,7 @@ def _gathered(items: Any) -> FileLook:
         counts=counts,
         refused=tuple(refused),
         notes=tuple(description.notes),
+        reach_m=reach_of(places) if places else None,
     )
 
 

@@ -23,7 +23,12 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
-from service.nouns.campaigns.operations import campaign_of, campaigns_of
+from service.nouns.campaigns.operations import (
+    campaign_of,
+    campaigns_of,
+    describe,
+    of_the_test,
+)
 from service.nouns.coupons.operations import batch_for, summarise
 from service.nouns.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.nouns.modes.operations import load_modes, loads_measured, window_taken_out
@@ -97,7 +102,11 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
         hits=hits,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
-        provenance=_provenance(job, campaign, used) | {"inputs": inputs.model_dump(mode="json")},
+        provenance=_provenance(job, campaign, used)
+        | {
+            "inputs": inputs.model_dump(mode="json"),
+            "test": of_the_test(describe(campaign_of(session, job.campaign_id))),
+        },
     )
     return UpdateInputs((loaded,))
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from service.platform.web.quantities import UNITS
 from service.platform.web.typed import (
     DIMENSIONS,
+    AmbiguousError,
     UnreadableError,
     are_alike,
     in_words,
@@ -67,6 +68,24 @@ READ = [
 @pytest.mark.parametrize(("text", "unit", "to", "value"), READ, ids=[case[0] for case in READ])
 def test_a_quantity_is_read_as_it_was_typed(text: str, unit: str, to: str, value: float) -> None:
     assert math.isclose(read(text, unit, to), value, rel_tol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "to", "readings"),
+    [
+        ("2,012 g/cm3", "kg/m³", "kg/m³", ["2.012 g/cm3"]),
+        ("-1,850e1", "mm", "m", ["-1850e1", "-1.850e1"]),
+        ("1,850", "GPa", "Pa", ["1.850"]),
+        ("1,850", "mm", "m", ["1850", "1.850"]),
+        ("1,850", "1/s", "1/s", ["1850", "1.850"]),
+    ],
+)
+def test_of_two_numbers_those_are_offered_that_the_quantity_may_be(
+    text: str, unit: str, to: str, readings: list[str]
+) -> None:
+    with pytest.raises(AmbiguousError) as refused:
+        read(text, unit, to)
+    assert refused.value.usual(unit, to) == readings
 
 
 REFUSED = [
