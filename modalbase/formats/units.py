@@ -94,7 +94,10 @@ _NAMES: dict[Dimension, dict[str, float]] = {
 }  # fmt: skip
 """SI value of one unit, by dimension and name."""
 
-_ANGLES = {"rad": 1.0, "deg": radians(1), "°": radians(1), "cycles": 1.0}
+_ANGLES = {
+    **dict.fromkeys(("rad", "radian", "radians", "cycles"), 1.0),
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), radians(1)),
+}
 _TWO_CASES = {"mn", "mpa", "msi"}  # of which the first letter says milli or mega
 _SPELLED = {"MPA": "MPa", "Mpa": "MPa", "MSI": "Msi"}
 _COMPOSED: dict[Measured, tuple[str, ...]] = {
@@ -265,18 +268,25 @@ _BESIDE = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")
 
 def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
     """The unit that a file states of an array, in a text beside it or in the array's name; "" where
-    it states none.
+    it states none. One of another quantity that a whole structure has is not the array's.
 
     >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
     ('g/N', 'm/N')
     """
     parent, _, own = name.rpartition(".")
-    beside = [
-        f"{parent}.{end}" if parent else end for end in (*_BESIDE, f"{own}_unit", f"{own}_units")
-    ] + [f"{name}@{end}" for end in ("unit", "units", "unit_string")]  # attributes of a dataset
-    named = unit_in_name(own, quantity)[1]
-    stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
-    return stated or named
+    within = f"{parent}." if parent else ""
+    shared = [
+        text
+        for end in _BESIDE
+        if (text := texts.get(f"{within}{end}", ""))
+        and (quantity is None or factor_of(quantity, text) is not None)
+    ]
+    attributes = [f"{name}@{end}" for end in ("unit", "units", "unit_string")]  # of a dataset
+    alone = [
+        texts.get(at, "") for at in (f"{within}{own}_unit", f"{within}{own}_units", *attributes)
+    ]
+    stated = (text.strip() for text in (*shared, *alone) if text.strip())
+    return next(stated, "") or unit_in_name(own, quantity)[1]
 
 
 def _product(tokens: list[str]) -> tuple[Unit | None, list[str]]:

@@ -239,3 +239,78 @@ def test_parts_of_frfs_in_a_mat_are_no_hits_and_other_spectra_are_named(tmp_path
     assert found.notes == [
         "H2 alone is taken; import H3 by a mapping of their own where they are FRFs"
     ]
+
+
+DEGREES = np.degrees(np.angle(H))
+LEVEL = 20 * np.log10(np.abs(H))
+WORDS = [
+    ("Frequenz [Hz];Betrag [dB re 1 (m/s²)/N];Phase [°]", (HZ, LEVEL, DEGREES)),
+    ("Frequency;Log Mag;Phase\nHz;dB(g/N);Degrees", (HZ, LEVEL - 20 * np.log10(GRAVITY), DEGREES)),
+    ("[Hz];[(m/s²)/N];[°]", (HZ, np.abs(H), DEGREES)),
+    (
+        "Block;1024\nX Unit;Hz;Y Unit;g/N\n\nFrequency (Hz);Real (g/N);Imag (g/N)",
+        (HZ, H.real / GRAVITY, H.imag / GRAVITY),
+    ),
+]
+
+
+@pytest.mark.parametrize(("heading", "table"), WORDS)
+def test_units_that_say_what_the_columns_are(tmp_path: Path, heading: str, table: Any) -> None:
+    path = tmp_path / "H.txt"
+    rows = (";".join(map(repr, row)) for row in np.transpose(table).tolist())
+    path.write_text("\n".join([heading, *rows]))
+    (frf,) = imported(path)
+    np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
+
+
+@pytest.mark.parametrize("cell", ["1.5e-3-2.0e-3i", "(1.5e-3+2.0e-3j)"])
+def test_complex_numbers_in_a_cell_are_refused(tmp_path: Path, cell: str) -> None:
+    path = tmp_path / "H.csv"
+    path.write_text("f [Hz];H [g/N]\n" + "".join(f"{f};{cell}\n" for f in HZ))
+    with pytest.raises(Invalid, match=r"line 2.*complex.*columns of their own"):
+        read(path)
+
+
+def as_73(path: Path, parts: list[dict[str, Any]]) -> None:
+    """A cell array of structures, as MATLAB stores it in HDF5."""
+    h5py = pytest.importorskip("h5py")
+    pair = np.dtype([("real", float), ("imag", float)])
+    with h5py.File(path, "w", userblock_size=512) as file:
+        references = file.create_dataset("data", (len(parts), 1), h5py.ref_dtype)
+        for k, part in enumerate(parts):
+            own = file.create_group(f"#refs#/{k}")
+            for name, value in part.items():
+                if isinstance(value, str):
+                    own[name] = np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None]
+                    own[name].attrs["MATLAB_class"] = np.bytes_("char")
+                else:
+                    is_complex = np.iscomplexobj(value)
+                    own[name] = (value.view(pair) if is_complex else value)[:, None]
+            references[k, 0] = own.ref
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM")
+
+
+@pytest.mark.parametrize("version", [5, 7.3])
+def test_structures_in_cells(tmp_path: Path, version: float) -> None:
+    path = tmp_path / "H.mat"
+    parts = [
+        {"f": HZ, "H": k * H / GRAVITY, "unit": "g/N", "resp": f"{k}:+Z", "ref": "1:-Z"}
+        for k in (2, 3)
+    ]
+    if version == 5:
+        savemat(path, {"data": np.array(parts, dtype=object)})
+    else:
+        as_73(path, parts)
+    (found,) = read(path)
+    assert [found.mapping[name] for name in DOFS] == [[2, 3], 3, 1, -3]
+    frfs = read(path, found.mapping, dry_run=False)[1:]
+    np.testing.assert_allclose([decode(frf.spectrum) for frf in frfs], [2 * H, 3 * H], rtol=1e-6)
+
+
+def test_arrays_of_unequal_length_in_cells_have_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "H.mat"
+    parts = [{"f": HZ[:n], "H": H[:n]} for n in (100, 200)]
+    savemat(path, {"data": np.array(parts, dtype=object)})
+    (found,) = read(path)
+    assert {"data(1).f", "data(1).H", "data(2).f", "data(2).H"} == found.variables.keys()

@@ -18,7 +18,7 @@ import numpy as np
 from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.errors import FormatError
 from modalbase.formats.tables import TextTable
-from modalbase.formats.units import factor_of, unit_in_name
+from modalbase.formats.units import FORCE, RESPONSE, factor_of, plain, read_unit, unit_in_name
 
 Part = Literal["real", "imaginary", "magnitude", "phase"]
 PARTS: tuple[tuple[Part, Part], ...] = (("real", "imaginary"), ("magnitude", "phase"))
@@ -34,7 +34,7 @@ _ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
     **dict.fromkeys(("deg", "°", "degree", "degrees", "grad"), np.pi / 180),
 }
-_DECIBEL = re.compile(r"\bdB\b\s*(?:re\.?)?\s*1?\s*[(\[]?\s*([^)\]]*)[)\]]?", re.IGNORECASE)
+_DECIBEL = re.compile(r"\bdB\b\s*(?:re\.?)?\s*(?:1(?:\.0*)?(?![\d.e]))?\s*(.*)", re.IGNORECASE)
 _PAIR = re.compile(r"([\w.:+-]+)\s*/\s*([\w.:+-]+)")
 Texts = Mapping[str, str]
 
@@ -79,6 +79,10 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
     for name in names:
         if (part := _part_of(name, texts)) is not None:
             by_part[part].append(name)
+    if by_part["phase"] and not by_part["magnitude"]:  # units alone say what the columns are
+        by_part["magnitude"] = [
+            name for name in names if not _part_of(name, texts) and _is_ratio(name, texts)
+        ]
     for pair in PARTS:
         columns = [by_part[part] for part in pair]
         if columns[0] and len(columns[0]) == len(columns[1]):
@@ -91,6 +95,12 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
                 mapping["phase_unit"] = _stated_angle(columns[1][0], texts)
             return mapping
     return None
+
+
+def _is_ratio(name: str, texts: Texts) -> bool:
+    """Whether a column's unit is that of a response over a force."""
+    unit = read_unit(_text_beside(name, texts) or unit_in_name(name)[1])
+    return unit is not None and unit.dimension.times(FORCE, 1) in RESPONSE.values()
 
 
 def names_of(given: Mapping[str, Any]) -> list[str]:
@@ -111,9 +121,11 @@ def unit_of_values(text: str, name: str = "") -> str:
     ('g/N', 'm/s²/N', 'g/N', '')
     >>> unit_of_values("", "H1 [dB re 1 g/N]")
     'g/N'
+    >>> unit_of_values("", "H1 [dB re 1 (m/s²)/N]")
+    '(m/s²)/N'
     """
     match = _DECIBEL.search(text or _brackets_with_decibels(name))
-    return match[1].strip() if match else text
+    return plain(match[1]) if match else text
 
 
 def is_parts(given: Any) -> bool:

@@ -20,13 +20,24 @@ _MOST_LISTED = 20
 _ANGULAR = ("w", "om", "omega")
 _AXIS = {
     "start": ("start_value", "start", "xstart", "x0", "f0", "fstart", "f_start", "start_hz"),
-    "step": ("increment", "step", "delta", "dx", "df", "xinc", "delta_f", "deltaf", "step_hz"),
+    "step": (
+        "increment",
+        "step",
+        "delta",
+        "dx",
+        "df",
+        "xinc",
+        "xincrement",
+        "delta_f",
+        "deltaf",
+        "step_hz",
+    ),
     "count": ("number_of_values", "count", "n"),
 }
 """Last parts of names of an even axis, in small letters."""
 _SIDES = {
-    "response": ("primary", "response", "output"),
-    "reference": ("reference", "input", "excit"),
+    "response": ("primary", "resp", "output"),
+    "reference": ("ref", "input", "excit"),
 }
 
 

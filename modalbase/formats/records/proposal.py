@@ -178,18 +178,28 @@ def is_time(name: str, units: Mapping[str, str] | None = None) -> bool:
 
 
 def units_beside(names: Iterable[str], texts: Mapping[str, str]) -> dict[str, str]:
-    """Units that texts of a file state of its arrays and their columns. One that a whole structure
-    has is not that of its time axis.
+    r"""Units that texts of a file state of its arrays and their columns, which have a line each
+    where there are several. One that a whole structure has is not that of its time axis.
 
     >>> units_beside(["Acc.t", "Acc.y column 1"], {"Acc.units": "m/s^2"})
     {'Acc.y column 1': 'm/s^2'}
+    >>> units_beside(["y column 1", "y column 2"], {"y_unit": "N\ng"})
+    {'y column 1': 'N', 'y column 2': 'g'}
     """
-    stated = {name: unit_beside(array_of(name), texts) for name in names}
+    stated = {name: _line_of(name, unit_beside(array_of(name), texts)) for name in names}
     return {
         name: text
         for name, text in stated.items()
         if text and not (is_time(name) and (unit := read_unit(text)) and unit.quantity in SI)
     }
+
+
+def _line_of(name: str, text: str) -> str:
+    """The line of a text that is a column's, or its only one."""
+    lines = text.split("\n")
+    place = name.removeprefix(f"{array_of(name)} column ")
+    at = int(place) - 1 if place.isdigit() and len(lines) > 1 else 0
+    return lines[at] if at < len(lines) and (at or place.isdigit() or len(lines) == 1) else ""
 
 
 def _ascends(array: np.ndarray[Any, Any]) -> bool:

@@ -7,6 +7,7 @@ Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping
 import warnings
 import zipfile
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -162,57 +163,73 @@ def _require_inflated(path: Path, limit_bytes: int | None) -> None:
 
 
 def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int = 0) -> None:
-    """The arrays of a structure by their path, `measurement.frf`. Those of a list of structures
-    that have one shape lie one behind the other, and what is the same in all of them stands once.
+    """The arrays of a structure by their path, `measurement.frf`; of cells, and of a list of
+    structures, as `_joined` has them.
     """
-    if value.dtype.names is None:
+    fields = value.dtype.names
+    if fields is None and value.dtype.kind != "O":
         into[name] = value
     elif value.size <= _MOST_ELEMENTS and depth < _DEEPEST:
         elements: list[Variables] = []
         for each in value.reshape(-1):
             elements.append({})
-            for field in value.dtype.names:
-                if isinstance(inner := each[field], np.ndarray):
-                    _flatten(f"{name}.{field}", inner, elements[-1], depth + 1)
-        for path, first in elements[0].items() if elements else ():
-            parts = [element[path] for element in elements if path in element]
-            if all(np.array_equal(part, first) for part in parts[1:]) and len(parts) == len(
-                elements
-            ):
-                into[path] = first
-            elif len(parts) == len(elements) and {part.shape for part in parts} == {first.shape}:
-                into[path] = np.stack(parts)
+            inside = [(f"{name}.{field}", each[field]) for field in fields or ()] or [(name, each)]
+            for path, inner in inside:
+                if isinstance(inner, np.ndarray):
+                    _flatten(path, inner, elements[-1], depth + 1)
+        into.update(_joined(name, elements))
+
+
+def _joined(name: str, elements: Sequence[Variables]) -> Variables:
+    """The arrays of the elements of a list: one behind the other where all have one shape, once
+    what is the same in all of them, and else by the element's number, `measurement(2).frf`.
+    """
+    joined: Variables = {}
+    for path in dict.fromkeys(path for element in elements for path in element):
+        parts = {k: element[path] for k, element in enumerate(elements, 1) if path in element}
+        first = next(iter(parts.values()))
+        if len(parts) < len(elements) or any(part.shape != first.shape for part in parts.values()):
+            rest = path.removeprefix(name)
+            joined |= {f"{name}({k}){rest}": part for k, part in parts.items()}
+        elif all(np.array_equal(part, first) for part in parts.values()):
+            joined[path] = first
+        else:
+            joined[path] = np.stack(list(parts.values()))
+    return joined
 
 
 def _mat73(path: Path, limit_bytes: int | None) -> Variables:
     h5py = FORMATS["mat"].dependency("h5py")
-    arrays: Variables = {}
     declared = 0
     with h5py.File(path, "r") as file:
 
-        def take(name: str, item: object) -> None:
+        def arrays_in(name: str, item: Any, depth: int = 0) -> Variables:
             nonlocal declared
-            if not isinstance(item, h5py.Dataset) or name.startswith("#"):
-                return
-            require_inside(name.replace("/", "."), item)
-            if (
-                item.attrs.get("MATLAB_class") == b"char"
-                and item.dtype.kind == "u"
-                and item.size < _LONGEST_TEXT
-            ):
-                arrays[name.replace("/", ".")] = np.array("".join(map(chr, np.ravel(item[()].T))))
-                return
+            if not isinstance(item, h5py.Dataset):
+                inside = [
+                    arrays_in(f"{name}.{key}" if name else key, each, depth + 1)
+                    for key, each in item.items()
+                    if not key.startswith("#") and depth < _DEEPEST
+                ]
+                return {path: array for arrays in inside for path, array in arrays.items()}
+            require_inside(name, item)
+            if item.attrs.get("MATLAB_empty"):
+                return {}
+            if h5py.check_ref_dtype(item.dtype) and item.size <= _MOST_ELEMENTS:  # cells
+                cells = [file[each] for each in np.ravel(item[()])] if depth < _DEEPEST else []
+                return _joined(name, [arrays_in(name, each, depth + 1) for each in cells])
+            is_text = item.attrs.get("MATLAB_class") == b"char"
+            if is_text and item.dtype.kind == "u" and item.size < _LONGEST_TEXT:
+                return {name: np.array("".join(map(chr, np.ravel(item[()].T))))}
             whole = item.dtype.names == ("real", "imag")  # as MATLAB stores complex numbers
-            if item.dtype.kind in "fiu" or whole:
-                declared += item.size * item.dtype.itemsize
-                _within(declared, limit_bytes, name)
-                values = np.asarray(item[()]).T  # MATLAB stores columns first
-                arrays[name.replace("/", ".")] = (
-                    values["real"] + 1j * values["imag"] if whole else values
-                )
+            if item.dtype.kind not in "fiu" and not whole:
+                return {}
+            declared += item.size * item.dtype.itemsize
+            _within(declared, limit_bytes, name)
+            values = np.asarray(item[()]).T  # MATLAB stores columns first
+            return {name: values["real"] + 1j * values["imag"] if whole else values}
 
-        file.visititems(take)
-    return arrays
+        return arrays_in("", file)
 
 
 def csv_arrays(path: Path, limit_bytes: int | None) -> Variables:

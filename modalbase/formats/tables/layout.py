@@ -22,10 +22,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.tables.numbers import Kind, is_number, kind_of, number_reader
+from modalbase.formats.tables.numbers import Kind, is_complex, is_number, kind_of, number_reader
 from modalbase.formats.tables.preamble import (
     Row,
     bare_unit,
+    is_decibel,
     is_units,
     labelled_units,
     padded,
@@ -268,6 +269,7 @@ class _Split:
         headings = self._headings(first)
         if not headings and self.separator == "," and not stated.separator:
             _refuse_commas_both(data[0], cells)
+        _refuse_complex(data[0])
         names, units, units_row = self._names(headings)
         top = min((row.line for row in headings), default=data[0].line)
         preamble = [row for row in self.rows[:first] if row.line < top]
@@ -365,8 +367,7 @@ class _Split:
             seen[name] += 1
             names.append(name if seen[name] == 1 else f"{name} {seen[name]}")
         units = [
-            cell if read_unit(cell) or cell.lower().startswith("db") else ""
-            for cell in padded(units_row, width)
+            cell if read_unit(cell) or is_decibel(cell) else "" for cell in padded(units_row, width)
         ]
         return names, [bare_unit(unit) for unit in units], units_row
 
@@ -401,6 +402,16 @@ def _holds_values(row: Row, kinds: Sequence[Kind]) -> bool:
     return _is_doubtful(row, kinds) or any(
         re.match(r"\d+[.,]?\d*\s|[^(\[]*=", cell) for cell in row.cells
     )
+
+
+def _refuse_complex(row: Row) -> None:
+    """Refuse complex numbers in one cell, which no column of numbers holds."""
+    if (cell := next(filter(is_complex, row.cells), None)) is not None:
+        raise FormatError(
+            f"line {row.line}",
+            f"has the complex number {cell[:40]!r} in one cell; write real and imaginary parts as"
+            " columns of their own",
+        )
 
 
 def _refuse_commas_both(row: Row, cells: Sequence[str]) -> None:

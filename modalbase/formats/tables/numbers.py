@@ -29,6 +29,8 @@ _TIME = re.compile(
 )
 _NOTHING = {"", "nan", "-nan", "n/a", "#n/a"}
 _INFINITE = re.compile(r"[+-]?inf(?:inity)?", re.IGNORECASE)  # as dB of 0 are written
+_PART = r"\d[\d.,]*(?:e[+-]?\d+)?"
+_COMPLEX = re.compile(rf"\(?[+-]?{_PART}[+-]{_PART}\*?[ij]\)?", re.IGNORECASE)
 _HALF_DAY = 43_200.0
 
 
@@ -39,6 +41,15 @@ def is_number(cell: str) -> bool:
     (True, True, True, False, False)
     """
     return _NUMBER.fullmatch(cell.translate(_SIGNS)) is not None
+
+
+def is_complex(cell: str) -> bool:
+    """Whether a cell is a complex number, as Matlab, Python and Excel write one.
+
+    >>> [is_complex(cell) for cell in ("1.5e-3-2i", "(1+2j)", "1,5 + 2,0*i", "1-2", "2i", "12-X")]
+    [True, True, True, False, False, False]
+    """
+    return _COMPLEX.fullmatch(cell.replace(" ", "")) is not None
 
 
 def kind_of(cell: str) -> Kind:

@@ -50,6 +50,11 @@ def bare_unit(cell: str) -> str:
     return cell[1:-1].strip() if re.fullmatch(r"[(\[{<][^()\[\]{}<>]*[)\]}>]", cell) else cell
 
 
+def is_decibel(cell: str) -> bool:
+    """Whether a cell is a level's unit, such as `dB(g/N)` or `dB re 1 m/N`."""
+    return re.match(r"dB(?![a-z])", cell, re.IGNORECASE) is not None
+
+
 def is_units(row: Row) -> bool:
     """Whether half of the words of a line, or more, are units; "Y-Unit: N" says one of no
     column.
@@ -57,7 +62,7 @@ def is_units(row: Row) -> bool:
     if row.cells and _LABELLED.search(row.cells[0]):
         return False
     words = [bare_unit(cell) for cell in row.cells if cell]
-    units = sum(read_unit(word) is not None for word in words)
+    units = sum(read_unit(word) is not None or is_decibel(word) for word in words)
     none = sum(word.lower() in NO_UNIT for word in words)
     return units > 0 and 2 * (units + none) >= len(words)
 
@@ -68,9 +73,8 @@ def labelled_units(preamble: Sequence[Row], units: list[str]) -> list[str]:
     """
     for row in preamble:
         cells = padded(row, len(units))
-        is_labelled = (
-            row.cells and _LABEL.search(row.cells[0]) and not _LABELLED.search(row.cells[0])
-        )
+        labels = [cell for cell in row.cells if _LABEL.search(cell)]  # two: one of each axis
+        is_labelled = labels == row.cells[:1] and labels and not _LABELLED.search(labels[0])
         if is_labelled and any(read_unit(cell) for cell in cells[1:]):
             units = [
                 own or (bare_unit(cell) if i and read_unit(cell) else "")

@@ -221,7 +221,6 @@ def written(kind: str) -> bytes:
         (b"time\tforce\n0\t1\n", "a.txt", "csv"),
         (b"time;force\n0;1\n", "a.unv", "uff"),
         (b"one line, of words\nand another\n", "", "uff"),
-        (b"\0,1\n2,\0\n", "", "uff"),
         (b"force\n1\n", "a.CSV", "csv"),
         (b"hello", "a.wav", "wav"),
         (b"", "", "uff"),
