@@ -24,7 +24,6 @@ from modalbase.formats.machine_csv import (
     factor,
     read_machine_csv,
 )
-from modalbase.formats.models.questions import MODULI
 from service.nouns.coupons.schemas import CouponIn, CurveCouponIn, Series
 
 GAUGE = {
@@ -221,13 +220,6 @@ def _by_standard(
         exclusion_reason=request.exclusion_reason,
         **values,
     )
-    modulus = result.modulus_pa
-    if not MODULI[0] <= modulus <= MODULI[1]:
-        raise InputError(
-            "columns",
-            f"make a modulus of {modulus:.3g} Pa, which no material has; look at the units of force"
-            " and strain, and at the dimensions",
-        )
     reduction = asdict(result)
     return coupon, {
         **reduction,
