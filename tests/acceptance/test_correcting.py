@@ -13,7 +13,7 @@ from tests.acceptance.test_browser import more_pages, overflow, signed_in
 from tests.integration.test_coupons import CURVE, machine_file
 from tests.support.browser import answered, held, hindrances, watched_page
 from tests.support.lengths import long
-from tests.support.rest import client_at, ok, posted
+from tests.support.rest import client_at, finished, ok, posted
 from tests.support.waiting import until
 
 if TYPE_CHECKING:
@@ -48,7 +48,8 @@ def test_what_was_typed_is_corrected_deleted_and_restored(
         }
         campaign = posted(api, f"structures/{structure}/campaigns", given)["id"]
         batch, _, hits = more_pages(api, structure)
-        ok(api.post(f"campaigns/{hits.rsplit('/', 1)[1]}/processings", json={}), 202)
+        judged = api.post(f"campaigns/{hits.rsplit('/', 1)[1]}/processings", json={})
+        finished(api, judged.headers["Location"])
         with watched_page(running, service.url) as seen:
             page = signed_in(seen, key, "/ui/")
             with held(page, f"**/api/v1/campaigns/{campaign}") as waiting:
@@ -191,12 +192,6 @@ def a_member_comes_and_changes(page: Page, project: str) -> None:
 
 def a_hit_is_refused(page: Page, hits: str) -> None:
     """A hit that was used is refused with a reason, and the page says who did."""
-
-    def judged() -> bool:
-        page.goto(hits)
-        return page.locator("summary:text-is('Refuse')").count() > 0
-
-    until(judged, "the hits are judged")
     page.goto(f"{hits}#modes")
     page.click("[data-tab=judged]")
     page.locator("summary:text-is('Refuse')").first.click()

@@ -6,11 +6,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, signed_in
 from tests.acceptance.test_correcting import MATERIAL, PLATE
 from tests.integration.test_monitoring import Lab, worker_stopped
 from tests.support.browser import watched_page
+from tests.support.lengths import long
 from tests.support.rest import client_at, ok, posted
 
 if TYPE_CHECKING:
@@ -71,8 +74,9 @@ def test_processing_and_identification_show_themselves(
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
+@pytest.mark.parametrize("every_page", [False, long(True)])
 def test_updates_show_themselves_on_every_page_that_lists_them(
-    running: Browser, service: LocalService
+    running: Browser, service: LocalService, every_page: bool
 ) -> None:
     """On its own page and in lists, one stream a page; what somebody types is not taken away."""
     key = service.new_key("watcher of updates")
@@ -84,17 +88,13 @@ def test_updates_show_themselves_on_every_page_that_lists_them(
         posted(api, f"campaigns/{test}/mode-sets", {"name": "typed", "modes": TWO})
         project = ok(api.get(f"structures/{structure}"))["project_id"]
         page = signed_in(seen, key, "/ui/")
-        pages = [page, *(page.context.new_page() for _ in range(4))]
         with worker_stopped(service):
             job = ok(api.post(f"campaigns/{test}/update-jobs", json={}), 202)["id"]
             ok(api.post(f"campaigns/{test}/update-jobs", json={"seed": 1}), 202)
-            paths = [
-                f"/ui/update-jobs/{job}",
-                "/ui/update-jobs",
-                f"/ui/campaigns/{test}",
-                "/ui/",
-                f"/ui/projects/{project}",
-            ]
+            paths = [f"/ui/update-jobs/{job}", f"/ui/campaigns/{test}"]
+            if every_page:
+                paths += ["/ui/update-jobs", "/ui/", f"/ui/projects/{project}"]
+            pages = [page, *(page.context.new_page() for _ in paths[1:])]
             for each, path in zip(pages, paths, strict=True):
                 each.bring_to_front()
                 begun(each, path)

@@ -36,8 +36,7 @@ TYPED = {
 def typed(page: Page, name: str, text: str, understood: str) -> None:
     """Type into a field, and wait for what stands below it."""
     field = page.locator(f"[name='{name}']:enabled")
-    field.fill("")
-    field.press_sequentially(text)
+    field.fill(text)
     field.locator(
         f"xpath=../small[contains(@class, 'understood')][normalize-space() = '{understood}']"
     ).wait_for()

@@ -87,7 +87,7 @@ def measured(api: httpx.Client, structure: str) -> str:
 
 def picture(page: Page) -> bytes:
     """What the canvas shows."""
-    return page.locator("[data-space-canvas]").screenshot()
+    return page.locator("[data-space-canvas]").screenshot(type="jpeg", quality=90)
 
 
 def opened(seen: Watched, path: str) -> Page:
