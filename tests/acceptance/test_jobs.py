@@ -15,7 +15,7 @@ from service.platform.queue.child import PURGED
 from service.platform.queue.tables import Job
 from service.tasks.kinds import KINDS
 from tests.support import backups, kills
-from tests.support.backups import RECIPE, Laboratory, hits_of_a_point
+from tests.support.backups import RECIPE, Laboratory, hits_of_a_point, small_file
 from tests.support.command import modalbase_here
 from tests.support.floor import Floor, floor
 from tests.support.lengths import long
@@ -97,7 +97,7 @@ def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client)
     for _ in range(2):
         campaign = ok(api.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN))["id"]
         sent = api.post(
-            f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=paper.uff_file()
+            f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=small_file()
         )
         finished(api, sent.headers["location"])
         modes = ok(
