@@ -1,10 +1,12 @@
 """The paper's cantilever as fixtures: its body, its model, its measured modes."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
 
 from fecore.body.specimen import Specimen
+from fecore.updating import elastic_starts
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement, Recipe, prepare
 from fecore.updating.pipeline import update
@@ -42,6 +44,14 @@ def identified(drawn: Drawn) -> Measurement:
 def result(drawn: Drawn) -> UpdateResult:
     """What an update makes of these FRFs."""
     return update(drawn.measurement, COARSE)
+
+
+@pytest.fixture(scope="module")
+def few_draws() -> Iterator[None]:
+    """A search by FRFs alone draws an eighth of its starts, for a module of tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(elastic_starts, "_DRAWN_BY_FRFS", 64)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -202,12 +202,12 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
         "the method joint needs FRFs, and the campaign has none: the constants were estimated from"
         " the modes, as the method two_stage does"
     }
-    silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
+    little = Recipe(parameters=(Parameter("Ex"),), damping_models=("rayleigh",))
+    unknown = MeasuredModes(MEASURED_HZ, np.full(5, np.nan))
+    silent = update(Measurement(None, {}, unknown), nominal, little)
     assert silent.outcomes[1].status == "skipped"
     one = MeasuredModes(MEASURED_HZ, np.where(np.arange(5) == 0, ratio, np.nan))
-    alone = update(
-        Measurement(None, {}, one), nominal, Recipe(damping_models=("rayleigh",))
-    ).outcomes[1]
+    alone = update(Measurement(None, {}, one), nominal, little).outcomes[1]
     assert (alone.status, alone.message) == (
         "skipped",
         "1 damping ratios cannot fix any of the laws asked for",

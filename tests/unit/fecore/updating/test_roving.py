@@ -105,13 +105,13 @@ def test_derivatives_by_modes_agree_with_differences(body: Specimen) -> None:
 
 
 @pytest.fixture(scope="module")
-def modelled(nominal: Specimen, body: Specimen) -> UpdateResult:
+def modelled(nominal: Specimen, body: Specimen, few_draws: None) -> UpdateResult:
     state = at_prior(forward(body))
     typed, tour = (
         MeasuredModes(state.frequency_hz[:5] * 0.985, np.full(5, 0.02)),
         measured(body, MASS),
     )
-    few = tour.frfs.select(list(range(0, 33, 4)))
+    few = tour.frfs.select(list(range(0, 33, 2)))
     recipe = Recipe(damping_models=("rayleigh",))
     return update(replace(tour, frfs=few, modes=typed), nominal, recipe)
 
