@@ -49,6 +49,7 @@ from fecore.modal.series import (
     Coefficients,
     Terms,
     Weights,
+    at_lines,
     bounded_step,
     columns,
     derivatives,
@@ -470,30 +471,33 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
     turn = slope_parts(terms, level.residues, free)
     known = linear.basis.T[(2 * free[:, None] + [0, 1]).ravel()].T
     steep = derivatives(arrangement.omega, terms.some(free), arrangement.power, known)
-    onto = linear.turn.T @ real_part(linear.basis.T, (weights.root[:, None] ** 2 * steep).T)
-    steep = steep - expanded((linear.turn @ onto).T, linear.basis).T
+    own = stacked(steep, weights.root)
+    onto = linear.turn.T @ (linear.scaled.T @ own)
+    over = (linear.turn @ onto).T
     n, inside = free.size, onto[None]
     if weights.share is None:
-        r = len(onto)
+        r, steep = len(onto), steep - expanded(over, linear.basis).T
         gram = normal_columns(np.concatenate([linear.frame, steep], axis=1), weights.each, r)
         framed = np.matmul(linear.root, gram[:, :r])
         products = gram[:, r:] - np.matmul(framed.transpose(0, 2, 1), framed)
         inside = inside + np.matmul(linear.root.transpose(0, 2, 1), framed)
         half = np.einsum("nkalb,nqlb->nkaql", products.reshape(len(turn), n, 2, n, 2), turn)
         information = np.einsum("npka,nkaql->pkql", turn, half)
+        score = real_part(weights.each * level.residual, steep.T)
     else:
+        own = (own.T - over @ linear.scaled.T).T
         flat = turn.reshape(len(turn), -1)
         pairs = (flat.T @ (weights.share[:, None] * flat)).reshape(2, n, 2, 2, n, 2)
-        own = stacked(steep, weights.root)
         products = (own.T @ own).reshape(n, 2, n, 2)
         information = np.einsum("pkaqlb,kalb->pkql", pairs, products)
         for row, lines in weights.gaps:
-            lost = missing_slopes(linear.frame, steep, weights.root, lines).reshape(
-                2 * lines.size, n, 2
-            )
+            frame = at_lines(linear.scaled, lines) @ linear.turn
+            lost = missing_slopes(frame, at_lines(own, lines)).reshape(-1, n, 2)
             lost = np.einsum("gka,pka->gpk", lost, turn[row])
             information -= weights.share[row] * np.einsum("gpk,gql->pkql", lost, lost)
-    score = real_part(weights.each * level.residual, steep.T).reshape(len(turn), n, 2)
+        weighted = (weights.share[:, None] * weights.root) * level.residual
+        score = weighted.view(np.float64) @ own
+    score = score.reshape(len(turn), n, 2)
     return PoleFit(
         **{each.name: getattr(level, each.name) for each in fields(LinearFit)},
         freedom=2 * int(arrangement.measured.sum()) - 2 * n - len(level.residual) * terms.columns,

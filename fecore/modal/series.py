@@ -236,6 +236,7 @@ class Coefficients:
 
     coefficients: FloatArray  # (N, q) real coefficients
     basis: ComplexArray  # (L, q)
+    scaled: FloatArray  # (2L, q) the basis, weighted by the mean over the FRFs
     turn: FloatArray  # (q, r) coefficients of the basis from those of the frame
     # (N, r, r) R with RᵀR the inverse normal matrices of the frame; (1, r, r) where these are alike
     # but for the share. What is left of a product after projection keeps twice the digits when it
@@ -269,9 +270,10 @@ def solved(basis: ComplexArray, values: ComplexArray, weights: Weights) -> Coeff
     Raises:
         IdentificationError: an FRF has fewer measured lines than unknowns.
     """
-    turn = whitening(stacked(basis, weights.root))
+    scaled = stacked(basis, weights.root)
+    turn = whitening(scaled)
     if weights.share is not None:
-        return _alike(basis, turn, values, weights)
+        return _alike(basis, scaled, turn, values, weights)
     frame = expanded(turn.T, basis).T
     right = real_part(weights.each * values, frame.T)
     normal = normal_columns(frame, weights.each)
@@ -284,7 +286,7 @@ def solved(basis: ComplexArray, values: ComplexArray, weights: Weights) -> Coeff
         inverse = _roots(unit)
     root = inverse / scale[:, None, :]
     own = np.matmul(root.transpose(0, 2, 1), np.matmul(root, right[:, :, None]))[:, :, 0]
-    return Coefficients(own @ turn.T, basis, turn, root, np.ones(len(values)))
+    return Coefficients(own @ turn.T, basis, scaled, turn, root, np.ones(len(values)))
 
 
 def expanded(real: FloatArray, columns: ComplexArray) -> ComplexArray:
@@ -293,21 +295,26 @@ def expanded(real: FloatArray, columns: ComplexArray) -> ComplexArray:
 
 
 def _alike(
-    basis: ComplexArray, turn: FloatArray, values: ComplexArray, weights: Weights
+    basis: ComplexArray,
+    scaled: FloatArray,
+    turn: FloatArray,
+    values: ComplexArray,
+    weights: Weights,
 ) -> Coefficients:
     """The same where the weights are alike but for a share; gaps count in the coefficients alone,
     not in their covariance.
     """
     assert weights.share is not None
     _check_weight(weights.share)
-    masked = values * weights.root**2
+    masked = values * weights.root
     for row, lines in weights.gaps:
         masked[row, lines] = 0.0
-    framed = real_part(masked, basis.T) @ turn
+    framed = masked.view(np.float64) @ scaled @ turn
     for row, lines in weights.gaps:
-        own = stacked(basis[lines], weights.root[lines]) @ turn
+        own = at_lines(scaled, lines) @ turn
         framed[row] += own.T @ (_without(own) @ (own @ framed[row]))
-    return Coefficients(framed @ turn.T, basis, turn, np.eye(turn.shape[1])[None], weights.share)
+    root = np.eye(turn.shape[1])[None]
+    return Coefficients(framed @ turn.T, basis, scaled, turn, root, weights.share)
 
 
 def _check_weight(size: FloatArray) -> None:
@@ -322,14 +329,16 @@ def _without(own: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(np.eye(len(own)) - own @ own.T, _NULL, hermitian=True))
 
 
-def missing_slopes(
-    frame: ComplexArray, steep: ComplexArray, root: FloatArray, lines: IntArray
-) -> FloatArray:
+def missing_slopes(frame: FloatArray, steep: FloatArray) -> FloatArray:
     """(k, p) F with FᵀF what gaps take of the products of columns less their projection on the
-    frame.
+    frame, from the rows (k, …) of both at the gaps.
     """
-    own = stacked(frame[lines], root[lines])
-    return np.asarray(np.linalg.cholesky(_without(own)).T @ stacked(steep[lines], root[lines]))
+    return np.asarray(np.linalg.cholesky(_without(frame)).T @ steep)
+
+
+def at_lines(scaled: FloatArray, lines: IntArray) -> FloatArray:
+    """(2k, q) the rows of some lines in weighted columns (2L, q)."""
+    return scaled[np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()]
 
 
 def whitening(scaled: FloatArray) -> FloatArray:
@@ -526,7 +535,10 @@ def one_minus_leverage(
     """
     pairs = linear.basis[:, : 2 * terms.pairs]
     steep = derivatives(arrangement.omega, terms, arrangement.power, pairs)
-    both, _ = orthonormal(np.concatenate([linear.basis, steep], axis=1), weights.root)
-    own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (linear.frame, both))
-    leverage = weights.root**2 * (own + (all_ - own) / len(arrangement.pairs)) / 2
+    frame = (linear.scaled @ linear.turn).T
+    added = stacked(steep, weights.root).T
+    added -= (added @ frame.T) @ frame
+    both = whitening(added.T).T @ added
+    own, more = (np.sum(rows**2, axis=0).reshape(-1, 2).sum(axis=1) for rows in (frame, both))
+    leverage = (own + more / len(arrangement.pairs)) / 2
     return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
