@@ -241,6 +241,10 @@ export class Space {
     this.state = { amplitude: 0.5, phase: 0, speed: 1, running: false };
     this.bodies = [];
     this.beside = false;
+    this.size = [0, 0];
+    this.named = scene.points.flatMap(({ label }, i) => (label === "" ? [] : [i]));
+    if (this.named.length > MOST_LABELS) this.named = [];
+    said.frame.hold(this.named.map((i) => scene.points[i].label));
     this.build();
     new ResizeObserver(() => this.resize()).observe(canvas);
     new IntersectionObserver(([entry]) => {
@@ -268,7 +272,8 @@ export class Space {
   /* Pictures of the structure: at rest, or one for each of up to two shapes, beside or over each
      other. */
   show(shapes, beside = false) {
-    this.former = [...(this.former ?? []), ...this.bodies];
+    const former = this.bodies.flatMap(({ group }) => group.children);
+    for (const { geometry } of former) geometry.dispose();
     const { three, scene, rest, colors } = this;
     const over = shapes.length > 1 && !beside;
     const before = this.beside;
@@ -291,7 +296,10 @@ export class Space {
       made.add(group);
       return made;
     });
-    for (const each of this.scenes) this.renderer.compile(each, this.camera); // not in a frame
+    /* Programs and arrays get to the card here, and not in the first frame; programs of before stay
+       until then, as the new pictures have them too. */
+    for (const each of this.scenes) this.renderer.render(each, this.camera);
+    for (const { material } of former) material.dispose();
     this.select(this.chosen ?? -1);
     this.resize();
     if (before !== this.beside) this.home();
@@ -350,6 +358,7 @@ export class Space {
   resize() {
     const { clientWidth: wide, clientHeight: high } = this.canvas;
     if (!wide || !high) return;
+    this.size = [wide, high]; // asked for here alone: a frame would wait for the page's layout
     this.renderer.setSize(wide, high, false);
     const aspect = wide / high;
     this.stacked = this.beside && this.away(2 * aspect) < this.away(aspect / 2);
@@ -360,7 +369,7 @@ export class Space {
   }
   /* Left, top, width and height of a picture in the canvas, CSS pixels. */
   cell(i) {
-    const { clientWidth: wide, clientHeight: high } = this.canvas;
+    const [wide, high] = this.size;
     if (!this.beside) return [0, 0, wide, high];
     return this.stacked
       ? [0, (i * high) / 2, wide, high / 2]
@@ -378,7 +387,7 @@ export class Space {
       state.phase = (state.phase + 2 * Math.PI * state.speed * passed) % (2 * Math.PI);
     renderer.setScissorTest(false);
     renderer.clear();
-    const whole = this.canvas.clientHeight;
+    const [, whole] = this.size;
     bodies.forEach((body, i) => {
       body.turn(state.phase, state.amplitude);
       const [left, top, wide, high] = this.cell(i);
@@ -386,17 +395,8 @@ export class Space {
       renderer.render(this.scenes[i], this.camera);
     });
     this.label();
-    this.forget();
     if (state.running && this.seen && bodies.some(({ shape }) => shape)) this.dirty();
     else this.last = undefined;
-  }
-  /* Pictures of before stay until new ones are drawn, which so have their programs. */
-  forget() {
-    for (const { group } of this.former.splice(0))
-      group.traverse((part) => {
-        part.geometry?.dispose();
-        part.material?.dispose();
-      });
   }
   /* Where the points are seen, CSS pixels of the canvas. */
   seenAt() {
@@ -413,14 +413,11 @@ export class Space {
   }
   label() {
     const { frame } = this.said;
-    const { clientWidth: wide, clientHeight: high } = this.canvas;
     const pictured = this.cell(0)[3];
-    frame.draw(this.camera, this.controls.target, [wide, high, pictured], this.coloured);
-    this.named ??= this.scene.points.flatMap(({ label }, i) => (label === "" ? [] : [i]));
-    if (!this.named.length || this.named.length > MOST_LABELS) return;
+    frame.draw(this.camera, this.controls.target, [...this.size, pictured], this.coloured);
+    if (!this.named.length) return;
     const seen = this.seenAt();
     frame.name(
-      this.named.map((i) => this.scene.points[i].label),
       this.named.map((i) => seen[i]),
       this.named.indexOf(this.chosen),
     );

@@ -69,17 +69,18 @@ export class Frame {
     this.scale.setAttribute("display", coloured ? "inline" : "none");
     this.scale.setAttribute("transform", `translate(${wide - 14} 44)`);
   }
+  /* The names that it has, and how large they are. */
+  hold(names) {
+    this.spans = names.map((textContent) =>
+      Object.assign(document.createElement("span"), { textContent }),
+    );
+    this.labels.append(...this.spans);
+    this.sizes = this.spans.map((span) => [span.offsetWidth, span.offsetHeight]);
+  }
   /* Names at their places, nearest first; one that would cover another is left out. */
-  name(names, places, first) {
-    if (!this.spans) {
-      this.spans = names.map((textContent) =>
-        Object.assign(document.createElement("span"), { textContent }),
-      );
-      this.labels.append(...this.spans);
-      this.sizes = this.spans.map((span) => [span.offsetWidth, span.offsetHeight]);
-    }
+  name(places, first) {
     const taken = [];
-    const order = names.map((_, k) => k);
+    const order = places.map((_, k) => k);
     if (first >= 0) order.unshift(first);
     const done = new Set();
     for (const k of order) {

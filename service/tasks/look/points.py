@@ -64,13 +64,13 @@ def _offer(
     factor = factor_of("length", unit) if unit else None
     millimetres = {"m": _MM, "mm": 1.0} if factor is None else {unit: factor * _MM}
     beside = (
-        found
+        numbers
         for other, one in among.items()
         if one.size == len(places) and any(word in other.lower() for word in _LABELS)
-        if (found := _as_labels(np.ravel(one))) is not None
+        if (numbers := _as_labels(np.ravel(one))) is not None
     )
-    numbers = labels or next(beside, tuple(range(1, len(places) + 1)))
-    return PointsOffer(name, numbers, tuple(map(tuple, places.tolist())), millimetres,
+    labels = labels or next(beside, tuple(range(1, len(places) + 1)))
+    return PointsOffer(name, labels, tuple(map(tuple, places.tolist())), millimetres,
                        reach_of(places.tolist()))  # fmt: skip
 
 
