@@ -161,13 +161,19 @@ def read_unit(text: str) -> Unit | None:
     return unit if not rest else None
 
 
+_RUN_TOGETHER = re.compile(
+    r"(?<![a-zµ])([mµ]?)ms(?:\^|\*\*)?-([12])(?!\d)"
+)  # no power of milliseconds
+
+
 def plain(unit: str) -> str:
     """A unit without brackets around it, with one kind of micro sign and epsilon.
 
-    >>> plain("[με]")
-    'µε'
+    >>> plain("[με]"), plain("ms-2"), plain("mms-1")
+    ('µε', 'm/s2', 'mm/s')
     """
     bare = unit.strip().translate(_ONE_SIGN).replace("⁻¹", "-1").replace("⁻²", "-2")
+    bare = _RUN_TOGETHER.sub(lambda match: f"{match[1]}m/s{match[2].replace('1', '')}", bare)
     if bare[:1] + bare[-1:] in ("[]", "()", "{}", "<>") and not {bare[0], bare[-1]} & set(
         bare[1:-1]
     ):

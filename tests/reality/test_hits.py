@@ -462,3 +462,44 @@ def test_the_sensitivity_that_a_refusal_advises_is_taken(tmp_path: Path) -> None
     mapping["channels"][1]["sensitivity"] = "10 mV/(m/s²)"
     _, response = blocks_of(file.arrays(), read_mapping(mapping, file.units), file.units)
     np.testing.assert_allclose(response.samples, ACCELERATION, atol=2e-3)
+
+
+TWO_AXES = ["Time 1 (s);Force (N);Time 2 (s);Acc (ms-2)", "X_Value;Hammer (N);X_Value;Acc (ms-2)"]
+
+
+@pytest.mark.parametrize("heading", TWO_AXES)
+@pytest.mark.parametrize(("late", "rate"), [(0.0, 1.0), (0.01, 1.0), (0.0, 0.5)])
+def test_channels_on_two_clocks_are_refused(
+    tmp_path: Path, heading: str, late: float, rate: float
+) -> None:
+    """The second begins later, or has half the rate and ends at the middle of the table."""
+    path = tmp_path / "two.csv"
+    rows = (
+        f"{k / 2048};{float(k == 40)};"
+        + (f"{late + k / 2048 / rate};{k % 7}.5" if k < 256 * rate else ";")
+        for k in range(256)
+    )
+    path.write_text("\n".join([heading, *rows]))
+    (found,) = found_in(path)
+    mapping = completed(found.mapping)
+    assert len(mapping["channels"]) == 2
+    if (late, rate) == (0.0, 1.0):
+        (force, response) = found_in(path, mapping, dry_run=False)[1:]
+        assert force.samples.size == response.samples.size == 256
+        return
+    with pytest.raises(Invalid, match="export them on one time axis"):
+        found_in(path, mapping, dry_run=False)
+
+
+def test_a_slow_group_beside_takes_no_rows_away(tmp_path: Path) -> None:
+    path = tmp_path / "slow.csv"
+    rows = (
+        f"{k / 2048};{float(k == 3)};{k % 7}.5;" + (f"{k / 10};20.5" if k < 5 else ";")
+        for k in range(64)
+    )
+    path.write_text("\n".join(["Zeit 1 [s];Kraft [N];Beschl [m/s²];Zeit 2 [s];Temp [°C]", *rows]))
+    (found,) = found_in(path)
+    assert found.table["first_line"] == 2
+    mapping = completed({**found.mapping, "channels": found.mapping["channels"][:2]})
+    force, response = found_in(path, mapping, dry_run=False)[1:]
+    assert (force.samples.size, force.samples[3], response.samples[1]) == (64, 1.0, 1.5)

@@ -168,7 +168,7 @@ def is_time(name: str, units: Mapping[str, str] | None = None) -> bool:
     >>> [is_time(name) for name in ("time_ms", "X_Value", "Prüfzeit (s)", "m.t", "X [ms]", "Timestamp", "Temperature")]
     [True, True, True, True, True, True, False]
     """
-    bare = unit_in_name(name, "time")[0].lower()
+    bare = re.sub(r" \d+$", "", unit_in_name(name, "time")[0].lower())  # "X_Value 2", a second one
     parts = re.split(r"[_.\s]", bare)
     texts = units_of(name, None, units or {})
     in_time = any(

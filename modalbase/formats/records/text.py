@@ -2,7 +2,7 @@
 recording.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,11 +46,42 @@ class TextRecording:
     @property
     def rate_hz(self) -> float | None:
         """The sampling rate that a preamble states of a table without a time axis."""
-        has_axis = any(
-            column.is_time or is_time(column.name, self.units)
+        return None if self._axes else self.table.layout.sample_rate_hz
+
+    @property
+    def _axes(self) -> list[str]:
+        """Columns that are time axes."""
+        return [
+            column.name
             for column in self.table.layout.columns
-        )
-        return None if has_axis else self.table.layout.sample_rate_hz
+            if column.is_time or is_time(column.name, self.units)
+        ]
+
+    def require_one_clock(self, names: Collection[str]) -> None:
+        """Refuse channels whose time axes differ; the axis of a channel is the next on its left.
+
+        Raises:
+            FormatError: as said; names the row from which they differ.
+        """
+        axis, axes, own = "", self._axes, []
+        for name in self.names if len(axes) > 1 else ():
+            axis = name if name in axes else axis
+            if name in names and axis not in ("", *own):
+                own.append(axis)
+        first = 0
+        for numbers in self.table.parts(own, FRAMES) if len(own) > 1 else ():
+            part = np.frombuffer(numbers).reshape(-1, len(own))
+            step = np.nanmedian(np.abs(np.diff(part[:, 0]))) if len(part) > 1 else 0.0
+            apart = ~(np.abs(part - part[:, :1]) <= step / 2)
+            if (bad := np.argwhere(apart)).size:
+                row, column = bad[0]
+                raise FormatError(
+                    own[column],
+                    f"is {part[row, column]:g} in row {first + row + 1} of the data, and {own[0]} is"
+                    f" {part[row, 0]:g}; the channels of a hit are on one clock: export them on one"
+                    " time axis",
+                )
+            first += len(part)
 
     def shapes(self) -> dict[str, str]:
         """Type of each column."""
@@ -83,9 +114,9 @@ class TextRecording:
         """Rate of the channels: a number, the preamble's, or the time axis that states it.
 
         Raises:
-            FormatError: it is no rate.
+            FormatError: it is no rate, or the channels are on several clocks.
         """
-        del names
+        self.require_one_clock(names)
         own: Variables = {} if self.rate_hz is None else {SAMPLE_RATE: np.array(self.rate_hz)}
         if isinstance(stated, str) and stated in self.names:
             own[stated] = np.concatenate([part[0] for part in self.chunks([stated])])

@@ -215,7 +215,7 @@ class _Split:
         rows = [row_of(line, number, separator) for number, line in lines if line.strip()]
         candidates = []
         for row in rows:
-            kinds = [kind_of(cell) for cell in row.cells[: row.width]]
+            kinds = [kind_of(cell) for cell in row.cells]  # empty ones at the end may be a column's
             if not row.is_comment and any(kind in ("number", "time") for kind in kinds):
                 candidates.append(kinds)
         if not candidates:

@@ -15,7 +15,7 @@ _RATE = re.compile(
     re.IGNORECASE,
 )
 _STEP = re.compile(
-    r"delta[ _]?[xt]|d[xt]|(?:sampl\w*|time)[ _-]*(?:interval|period|step)|abtastintervall",
+    r"delta[ _]?[xt]|d[xt]|(?:sampl\w*|time)[ _-]*(?:interval|period|step|increment)|abtastintervall",
     re.IGNORECASE,
 )
 _PER_SECOND = re.compile(r"(k?)(?:(?:sa?|samples?|scans?)/s(?:ec)?|sps)", re.IGNORECASE)

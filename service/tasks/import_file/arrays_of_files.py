@@ -270,6 +270,7 @@ def _table(inputs: ReadingInputs, form: str) -> Iterator[FileDescription | TimeB
             inputs, form, variables, texts_of(file.table), notes
         )
     else:
+        _faults_as(_dotted, lambda: file.require_one_clock(_variables_of(mapping)))
         read = _hits(inputs, form, variables, file.units, notes)
     for item in read:
         yield (
@@ -309,12 +310,7 @@ def _single_hits(inputs: ReadingInputs, form: str) -> Iterator[FileDescription |
     """A recording whose channels are a block each, of which those that are mapped are read."""
     file = _faults_as(_dotted, lambda: load(FORMATS[form].recording)(inputs.path))
     stated = inputs.mapping
-    listed = stated.get("channels") if isinstance(stated, dict) else None
-    named = (
-        [each.get("variable") for each in listed if isinstance(each, dict)]
-        if isinstance(listed, list)
-        else []
-    )
+    named = _variables_of(stated)
     names = [name for name in file.names if name in named]
     variables = _faults_as(_dotted, lambda: file.arrays(names, limit_of(inputs.path)))
     axis: Any = stated.get("sample_rate_hz") if isinstance(stated, dict) else None
@@ -331,6 +327,13 @@ def _single_hits(inputs: ReadingInputs, form: str) -> Iterator[FileDescription |
         notes=_faults_as(_dotted, lambda: file.notes(names)) if names else [],
     )
     yield from blocks
+
+
+def _variables_of(mapping: Any) -> list[Any]:
+    """What the channels of a mapping name."""
+    listed = mapping.get("channels") if isinstance(mapping, dict) else None
+    channels = listed if isinstance(listed, list) else []
+    return [each.get("variable") for each in channels if isinstance(each, dict)]
 
 
 def _kind_of(inputs: ReadingInputs, row: Format, *, own: bool) -> Kind | None:
