@@ -133,6 +133,21 @@ def _patterns(kind: Pattern, days: FloatArray) -> FloatArray:
     return np.maximum(0.0, days[1:, None] - days[None, :-1]) / DAYS_A_YEAR
 
 
+TIME_UNITS = {"hour": 1 / 24 / DAYS_A_YEAR, "day": 1 / DAYS_A_YEAR, "year": 1.0}
+"""Units of time in years."""
+_HALF_A_YEAR, _TWO_DAYS = DAYS_A_YEAR / 2, 2.0
+
+
+def time_unit(days: float) -> str:
+    """The unit of time in which people read how fast something changes that was seen for so many
+    days: of hours, a change a year is a number that nobody has seen.
+
+    >>> time_unit(0.5), time_unit(30.0), time_unit(400.0)
+    ('hour', 'day', 'year')
+    """
+    return "year" if days >= _HALF_A_YEAR else "day" if days >= _TWO_DAYS else "hour"
+
+
 @dataclass(frozen=True)
 class Rate:
     """Rate of change of a parameter."""

@@ -136,8 +136,8 @@ class SearchResults(Addressed):
         Args:
             value: name of the constant, such as `Ex` or `flange.E1`; of modes `frequency_hz` or
                 `damping_ratio`.
-            covariates: what is fitted beside time, with commas between: conditions of
-                campaigns, such as `temperature_c`.
+            covariates: what is fitted beside time, with commas between: conditions such as
+                `temperature_c`, and others that campaigns state, such as `wind_m_s`.
 
         Raises:
             ClientError: it is no search for results or modes, or nothing found has such a value.
@@ -210,8 +210,8 @@ class Trend:
         return series
 
     def table(self) -> Table:
-        """A row for each series: campaigns, change a year as a share of the mean, alone and with
-        the covariates.
+        """A row for each series: campaigns, change by the hour, day or year as a share of the mean,
+        alone and with the covariates.
         """
         return Table(_rate_rows(self.fields), key="series")
 
@@ -253,11 +253,11 @@ class Trend:
 
 
 def _rate_rows(trend: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A row for each series of a trend: the change a year in per cent of the mean, by time alone
-    and beside the covariates.
+    """A row for each series of a trend: the change by the unit of time that suits it, in per cent of
+    the mean, by time alone and beside the covariates.
     """
     headings = dict.fromkeys(
-        _rate_heading(line) for one in trend["series"] for line in one["lines"]
+        _rate_heading(one, line) for one in trend["series"] for line in one["lines"]
     )
     return [
         {
@@ -265,22 +265,25 @@ def _rate_rows(trend: Mapping[str, Any]) -> list[dict[str, Any]]:
             "series": one["name"],
             "campaigns": len(one["points"]),
             **dict.fromkeys(headings, "–"),
-            **{_rate_heading(line): _rate(line) for line in one["lines"]},
+            **{
+                _rate_heading(one, line): _rate(line, one["time_unit_years"])
+                for line in one["lines"]
+            },
         }
         for one in trend["series"]
     ]
 
 
-def _rate_heading(line: Mapping[str, Any]) -> str:
+def _rate_heading(series: Mapping[str, Any], line: Mapping[str, Any]) -> str:
     beside = ", ".join(name.split("_")[0] for name in line["covariates"])
-    return "% a year" + (f" beside {beside}" if beside else "")
+    return f"% per {series['time_unit']}" + (f" beside {beside}" if beside else "")
 
 
-def _rate(line: Mapping[str, Any]) -> str:
-    """A change a year with its interval, to the second digit of the interval's length."""
-    low, high = line["relative_interval_95"]
+def _rate(line: Mapping[str, Any], years: float) -> str:
+    """A change by a unit of time with its interval, to the second digit of the interval's length."""
+    low, high = (years * end for end in line["relative_interval_95"])
     places = min(6, max(0, 1 - floor(log10(100 * (high - low))))) if high > low else 2
     middle, low, high = (
-        f"{100 * value:+.{places}f}" for value in (line["relative_per_year"], low, high)
+        f"{100 * value:+.{places}f}" for value in (years * line["relative_per_year"], low, high)
     )
     return f"{middle} ({low} to {high})"

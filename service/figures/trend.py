@@ -29,7 +29,7 @@ from service.figures.marks import (
     shortened,
     words,
 )
-from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.climate import CLIMATE, label_of_covariate, unit_of_covariate
 
 Row = Mapping[str, Any]
 
@@ -55,7 +55,7 @@ def trend_figure(trend: Row) -> Figure:
         Panel(Axis("campaign performed (UTC)", "date"), Axis(title), up=(0.52, 1.0)),
         # one axis for both would put them in one place
         Panel(
-            Axis(f"{CLIMATE[covariate].label.lower()} [{CLIMATE[covariate].unit}]"),
+            Axis(_named(covariate)),
             Axis(title),
             up=(0.0, 0.36),
         ),
@@ -67,6 +67,13 @@ def trend_figure(trend: Row) -> Figure:
     names = {one["structure_name"] for one in series}
     where = shortened(names.pop()) if len(names) == 1 else counted(len(names), "structure")
     return Figure(f"{where}: {trend['value']} over time", marks, panels, height=640)
+
+
+def _named(covariate: str) -> str:
+    """A condition or covariate with its unit."""
+    if covariate in CLIMATE:
+        return f"{CLIMATE[covariate].label.lower()} [{CLIMATE[covariate].unit}]"
+    return f"{label_of_covariate(covariate)} [{unit_of_covariate(covariate)}]"
 
 
 def _over_time(one: Row, factor: float, color: str, *, single: bool) -> Iterator[Mark]:
@@ -87,7 +94,8 @@ def _over_time(one: Row, factor: float, color: str, *, single: bool) -> Iterator
             if line["covariates"]
             else ""
         )
-        rate = f"{100 * line['relative_per_year']:+.2g} % a year{beside}"
+        unit, years = one["time_unit"], one["time_unit_years"]
+        rate = f"{100 * years * line['relative_per_year']:+.2g} % per {unit}{beside}"
         dash: Dash = "solid" if beside else "dot"
         ends = [factor * value for value in line["ends"]]
         yield Curve(
@@ -97,8 +105,10 @@ def _over_time(one: Row, factor: float, color: str, *, single: bool) -> Iterator
 
 def _over(one: Row, covariate: str, factor: float, color: str, panel: Panel) -> Mark:
     """The values as they are over a covariate, where it is known."""
-    points = [point for point in one["points"] if point[covariate] is not None]
-    x, y = [point[covariate] for point in points], [factor * point["value"] for point in points]
+    known = [(point, {**point, **point["covariates"]}[covariate]) for point in one["points"]]
+    points = [point for point, at in known if at is not None]
+    x = [at for _, at in known if at is not None]
+    y = [factor * point["value"] for point in points]
     group = shortened(f"{one['structure_name']}, {one['name']}")
     look: Any = {
         "text": [shortened(point["campaign_name"]) for point in points],

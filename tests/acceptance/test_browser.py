@@ -467,6 +467,8 @@ def test_a_search_is_typed_with_suggestions_and_kept(
         figure = "[data-figure^='search/modes/trend/figure']"
         drawn(page, figure)
         assert page.locator(f"{figure}.quiet").count() == 0
-        assert "north's bridge\tmode 1\t3" in page.inner_text("[aria-label='Change a year'] tbody")
+        assert "north's bridge\tmode 1\t3" in page.inner_text(
+            "[aria-label='Change over time'] tbody"
+        )
         assert hindrances(page) == []
         assert (seen.complaints, seen.strangers) == ([], [])

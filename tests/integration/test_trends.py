@@ -68,6 +68,7 @@ def bridge(api: httpx.Client) -> str:
             "boundary": "free",
             "performed_at": at.isoformat(),
             "temperature_c": degrees(month),
+            "covariates": {"wind_m_s": 4 + sin(3.0 * month)} if month else {},
         }
         campaign = ok(api.post(f"structures/{made['id']}/campaigns", json=body), 201)["id"]
         hz = factor(month) ** 0.5
@@ -103,6 +104,19 @@ def test_modes_are_tracked_through_a_crossing(api: httpx.Client, bridge: str) ->
     assert high - low < 0.5 * (plain["relative_interval_95"][1] - plain["relative_interval_95"][0])
     effect, sd = beside["effects"]["temperature_c"]
     assert effect / 5.0 == pytest.approx(PER_KELVIN / 2, abs=3 * sd / 5.0 + 2e-5)
+    assert (first["time_unit"], first["time_unit_years"]) == ("year", 1)
+
+
+def test_covariates_by_name_are_fitted_beside_time(api: httpx.Client, bridge: str) -> None:
+    query = {"filter": f"structure.id = '{bridge}'", "covariates": "wind_m_s,temperature_c"}
+    (first, _) = ok(api.get("search/modes/trend", params=query))["series"]
+    line = first["lines"][1]
+    assert (line["covariates"], line["campaigns"]) == (["wind_m_s", "temperature_c"], MONTHS - 1)
+    assert [point["covariates"]["wind_m_s"] for point in first["points"]][:2] == [None, 4 + sin(3)]
+    table = api.get("search/modes/trend", params={**query, "format": "csv"}).text
+    assert table.splitlines()[0].endswith(",corrected,wind_m_s")
+    figure = ok(api.get("search/modes/trend/figure", params=query))
+    assert "wind [m/s]" in json.dumps(figure["layout"])
 
 
 def test_a_trend_is_a_table_and_a_figure(api: httpx.Client, bridge: str) -> None:
@@ -128,7 +142,7 @@ def test_a_trend_is_a_table_and_a_figure(api: httpx.Client, bridge: str) -> None
 
 REFUSED = [
     ("modes", {"value": "Ex"}, "value", "frequency_hz"),
-    ("modes", {"covariates": "wind"}, "covariates", "temperature_c"),
+    ("modes", {"covariates": "wind"}, "covariates", "end with its unit"),
     ("modes", {"filter": "nonsense = 1"}, "filter", "nearest"),
 ]
 

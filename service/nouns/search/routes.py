@@ -37,9 +37,9 @@ from service.nouns.search.translate import LONGEST
 from service.nouns.search.trends import (
     COVARIATES,
     FOLLOWED,
-    POINT_COLUMNS,
     Trending,
     TrendOut,
+    columns_of,
     flat,
     trend_of,
 )
@@ -303,8 +303,9 @@ for _address, _noun in SEARCHED.items():
 Covariates = Annotated[
     str,
     Query(
-        max_length=100,
-        description=f"fitted beside time, with commas between; of {', '.join(COVARIATES)}",
+        max_length=400,
+        description=f"fitted beside time, with commas between: {', '.join(COVARIATES)}, or others"
+        " that campaigns state, such as `wind_m_s`",
     ),
 ]
 Value = Annotated[
@@ -370,8 +371,8 @@ def _as(form: str, trend: TrendOut) -> Any:
     if form == "json":
         return trend
     if form == "parquet":
-        columns = zip(*flat(trend), strict=True)
-        points = dict(zip(POINT_COLUMNS, columns, strict=False)) or dict.fromkeys(POINT_COLUMNS, ())
+        columns, names = zip(*flat(trend), strict=True), columns_of(trend)
+        points = dict(zip(names, columns, strict=False)) or dict.fromkeys(names, ())
         return spooled(
             lambda file: ARRAY_WRITERS[form].write(points, file),
             TREND_TYPES[form],
@@ -380,7 +381,7 @@ def _as(form: str, trend: TrendOut) -> Any:
         )
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerow(POINT_COLUMNS)
+    writer.writerow(columns_of(trend))
     writer.writerows(map(shown, row) for row in flat(trend))
     headers = {"Vary": "Accept", "Content-Disposition": 'attachment; filename="trend.csv"'}
     return Response(text.getvalue(), media_type=TREND_TYPES["csv"], headers=headers)

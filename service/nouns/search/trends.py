@@ -13,13 +13,15 @@ from uuid import UUID
 
 import numpy as np
 from pydantic import ConfigDict, Field
+from pydantic_core import PydanticCustomError
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.normal import Z_95
 from fecore.trend import Series, TrackedMode, line, track
+from fecore.trend.change import TIME_UNITS, time_unit
 from fecore.trend.series import days_since
-from service.nouns.campaigns.climate import CLIMATE, Climate
+from service.nouns.campaigns.climate import CLIMATE, Climate, covariate
 from service.nouns.modes.operations import modes_of, shape_of
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.operations import Search, SearchQuery
@@ -49,6 +51,11 @@ class TrendPoint(Climate, _TrendPlace):
     """One campaign of a series."""
 
     model_config = ConfigDict(json_schema_serialization_defaults_required=True)
+
+    covariates: dict[str, float | None] = Field(
+        {},
+        description="others than the climate that were asked for; null: the campaign states none",
+    )
 
     number: int | None = Field(description="of the mode in its set; null of a constant")
     value: float = Field(
@@ -87,6 +94,12 @@ class TrendSeries(StrictModel):
     structure_name: str
     name: str
     points: list[TrendPoint] = Field(description="in time order")
+    time_unit: Literal["hour", "day", "year"] = Field(
+        description="that suits the time between the first and the last point"
+    )
+    time_unit_years: float = Field(
+        description="how long it is in years: times a change a year, the change in it"
+    )
     lines: list[TrendLine] = Field(
         description="without covariates and with them; none where there are too few campaigns"
     )
@@ -120,7 +133,7 @@ def trend_of(
     covariates: Sequence[str] = COVARIATES[:1],
 ) -> TrendOut:
     """A constant of results, such as `Ex` or `flange.E1`, or the frequency or damping of modes, of
-    whatever a search finds.
+    whatever a search finds; beside conditions and any covariates that campaigns state.
 
     Each campaign counts once, with its newest result or mode set that is found. Modes are tracked
     by MAC and frequency.
@@ -128,14 +141,14 @@ def trend_of(
     Raises:
         Invalid: nothing that is found has such a value, there is too much, or a covariate is none.
     """
-    if unknown := set(covariates) - set(COVARIATES):
-        raise Invalid(
-            "covariates",
-            f"{', '.join(sorted(unknown))[:100]} is no covariate; there are"
-            f" {', '.join(COVARIATES)}",
-        )
+    named = [name for name in covariates if name not in COVARIATES]
+    for name in named:
+        try:
+            covariate(name)
+        except PydanticCustomError as error:
+            raise Invalid("covariates", error.message()) from None
     unit, left_out, points = (_constants if noun == "results" else _modes)(
-        session, user, query, value
+        session, user, query, value, {name: f"campaign.covariates.{name}" for name in named}
     )
     groups: dict[tuple[UUID, str], list[Row]] = {}
     for row in sorted(
@@ -158,10 +171,10 @@ def trend_of(
 
 
 def _constants(
-    session: Session, user: User, query: SearchQuery, value: str
+    session: Session, user: User, query: SearchQuery, value: str, named: Mapping[str, str]
 ) -> tuple[str | None, dict[str, int], list[Row]]:
     """Unit of a constant, how many results are left out by why, and a row for each that has it."""
-    rows = _rows(session, user, "result", query, {"id": "id"}, MOST_ROWS)
+    rows = _rows(session, user, "result", query, {"id": "id", **named}, MOST_ROWS)
     newest = {row["campaign_id"]: row for row in rows}
     documents = result_parts(session, [row["id"] for row in newest.values()], ("parameters",))
     constants = {
@@ -201,7 +214,7 @@ _NEWER = "as the campaign has a newer one that is found"
 
 
 def _modes(
-    session: Session, user: User, query: SearchQuery, value: str
+    session: Session, user: User, query: SearchQuery, value: str, named: Mapping[str, str]
 ) -> tuple[str, dict[str, int], list[Row]]:
     """Unit of a value of modes, how many mode sets are left out by why, and a row for each mode, with
     the name of its track.
@@ -215,6 +228,7 @@ def _modes(
         "hz": "frequency_hz",
         "value": value,
         "sd": sd,
+        **named,
     }
     rows = _rows(session, user, "mode", query, fields, MOST_MODES)
     newest = {row["campaign_id"]: row["id"] for row in rows}
@@ -284,7 +298,7 @@ def _series(rows: Sequence[Row], covariates: Sequence[str]) -> TrendSeries:
     """
     lines: list[TrendLine] = []
     notes: list[str] = []
-    series = _as_series(rows)
+    series = _as_series(rows, covariates)
     for names in dict.fromkeys([(), tuple(covariates)]):
         try:
             lines.append(_line(series, names))
@@ -296,17 +310,27 @@ def _series(rows: Sequence[Row], covariates: Sequence[str]) -> TrendSeries:
             " known"
         )
     about = {name: rows[-1][name] for name in ("structure_id", "structure_name")}
-    points = [_point(row) for row in rows]
+    named = [name for name in covariates if name not in COVARIATES]
+    points = [_point(row, named) for row in rows]
+    unit = time_unit(float(series.days[-1]))
     return TrendSeries.model_construct(
-        None, name=rows[0]["series"], points=points, lines=lines, notes=notes, **about
+        None,
+        name=rows[0]["series"],
+        points=points,
+        time_unit=unit,
+        time_unit_years=TIME_UNITS[unit],
+        lines=lines,
+        notes=notes,
+        **about,
     )
 
 
-def _point(row: Row) -> TrendPoint:
+def _point(row: Row, named: Sequence[str]) -> TrendPoint:
     value, sd = row["value"], row["sd"]
     ends = row.get("ends") or (None if sd is None else (value - Z_95 * sd, value + Z_95 * sd))
     place = {name: row[name] for name in ("id", *PLACE)}
     known = {
+        "covariates": {name: row[name] for name in named},
         "number": row.get("number"),
         "value": value,
         "standard_deviation": sd,
@@ -315,7 +339,7 @@ def _point(row: Row) -> TrendPoint:
     return TrendPoint.model_construct(None, **place, **known)
 
 
-def _as_series(rows: Sequence[Row]) -> Series:
+def _as_series(rows: Sequence[Row], covariates: Sequence[str]) -> Series:
     """What the core fits; where some standard deviations are not known all are taken as next to
     nothing.
     """
@@ -326,7 +350,7 @@ def _as_series(rows: Sequence[Row]) -> Series:
         if all(row["sd"] for row in rows)
         else nothing
     )
-    measured = {name: np.array([row[name] for row in rows], dtype=float) for name in COVARIATES}
+    measured = {name: np.array([row[name] for row in rows], dtype=float) for name in covariates}
     return Series("value", [row["performed_at"] for row in rows], values, sd, measured)
 
 
@@ -346,7 +370,13 @@ POINT_COLUMNS = (
     *("structure", "series", "id", *PLACE),
     *("number", "value", "standard_deviation", "low", "high", "corrected"),
 )
-"""Columns of a table of points."""
+"""Columns of a table of points, before those of the covariates that were asked for by name."""
+
+
+def columns_of(trend: TrendOut) -> tuple[str, ...]:
+    """Columns of a trend's table of points."""
+    points = [point for series in trend.series for point in series.points]
+    return (*POINT_COLUMNS, *(points[0].covariates if points else ()))
 
 
 def flat(trend: TrendOut) -> Iterator[tuple[Any, ...]]:
@@ -363,4 +393,5 @@ def flat(trend: TrendOut) -> Iterator[tuple[Any, ...]]:
                 *own,
                 *(point.interval_95 or (None, None)),
                 value,
+                *point.covariates.values(),
             )
