@@ -16,7 +16,7 @@ import typer
 from modalbase import objects
 from modalbase.client.errors import ClientError, Exit
 from modalbase.commands.options import NAMED, AsJson, Url, json_file, laboratory_at, names_of
-from modalbase.objects.finding import STRUCTURE, uuid_of
+from modalbase.objects.finding import LATEST, STRUCTURE, uuid_of
 from modalbase.objects.thing import library
 
 BESIDE = "beside"
@@ -43,8 +43,9 @@ def watch(
     like: Annotated[
         str | None,
         typer.Option(
-            help="An earlier import by its id, or a campaign: mapping, kind and quantity of its"
-            " newest import, its boundary, frame and instruments"
+            help="An earlier import by its id, or a campaign of this structure or else of any,"
+            " such as project/structure/campaign: mapping, kind and quantity of its newest import,"
+            " its boundary, frame and instruments"
         ),
     ] = None,
     boundary: Annotated[
@@ -188,7 +189,10 @@ def _as_before(
     read.
     """
     before = None if uuid_of(like) is None else _import(lab, like)
-    campaign = structure.campaign(like if before is None else before["campaign_id"])
+    named = like if before is None else str(before["campaign_id"])
+    own = named == LATEST or any(one.fields["name"] == named for one in structure.campaigns())
+    # else one of another structure, such as the same deck's before it was described anew
+    campaign = structure.campaign(named) if own else lab.campaign(named)
     if before is None:
         done = [one.fields for one in campaign.imports() if one.succeeded and not one.dry_run]
         if not done:

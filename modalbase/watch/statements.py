@@ -12,6 +12,7 @@ from typing import Literal
 from zoneinfo import ZoneInfo
 
 from modalbase.client.errors import ClientError, Exit
+from modalbase.watch.headings import covariate_of
 
 _DIRECTIVES = {
     "%Y": r"\d{4}", "%m": r"\d{2}", "%d": r"\d{2}", "%H": r"\d{2}", "%M": r"\d{2}", "%S": r"\d{2}",
@@ -95,7 +96,7 @@ def _in_zone(time: datetime, zone: tzinfo | None) -> datetime:
 @dataclass(frozen=True)
 class Covariates:
     """Covariates of files, from tables of CSV: columns are named as covariates are, with their
-    unit; `file` names a recording, `performed_at` is its time.
+    unit at the end or in brackets; `file` names a recording, `performed_at` is its time.
 
     Attributes:
         table: of all files, by their names or by time; None: each has a table of its own beside it,
@@ -138,11 +139,14 @@ class Covariates:
             raise StatementError(f"{source.name} has {len(rows)} rows, expected one")
         row = rows[0] if self.table is None else self._row(rows, path, time)
         stated = _time(row["performed_at"], self.zone) if row.get("performed_at") else None
-        values = {
-            name: _number(cell, f"{source.name}, {name}")
-            for name, cell in row.items()
-            if name not in ("file", "performed_at") and cell
-        }
+        values = dict[str, float]()
+        for heading, cell in row.items():
+            if heading in ("file", "performed_at") or not cell:
+                continue
+            name, factor = _covariate(source, heading)
+            if name in values:
+                raise StatementError(f"{source.name} has {name} twice, again as {heading!r}")
+            values[name] = factor * _number(cell, f"{source.name}, {heading}")
         return values, stated if self.table is None or "file" in row else None
 
     def _row(
@@ -189,6 +193,13 @@ def _rows(source: Path) -> list[dict[str, str]]:
             why = f"has {len(line)} cells, and the head {len(names)}"
             raise StatementError(f"{source.name}, line {number} {why}")
     return [dict(zip(names, map(str.strip, line), strict=True)) for line in lines[1:]]
+
+
+def _covariate(source: Path, heading: str) -> tuple[str, float]:
+    try:
+        return covariate_of(heading)
+    except ValueError as error:
+        raise StatementError(f"{source.name}: {error}") from None
 
 
 def _number(cell: str, place: str) -> float:

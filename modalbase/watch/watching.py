@@ -160,7 +160,6 @@ class Watch:
             one
             for deleted in (True, False)
             for one in self.structure.imports(digests, deleted=deleted)
-            if not one.fields["dry_run"]
         ]
         both.sort(key=lambda one: one.fields["status"] not in ("failed", "cancelled"))
         return {one.fields["sha256"]: one for one in both}
@@ -175,7 +174,7 @@ class Watch:
         elif failed:
             self._fail(state, f"was sent before: {known.summary()}", known)
         elif known.ended:
-            self._done(state, "known", "the service has it", known)
+            self._done(state, "known", f"the service has it as campaign {known.campaign_id}", known)
         else:
             self._sent(state, known)
 

@@ -17,7 +17,6 @@ from modalbase.formats.records.arrays import SAMPLE_RATE, columns_of
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT, Recorded
 from modalbase.formats.records.proposal import units_beside
 from modalbase.formats.records.recording import AnyRecording, Arrays
-from modalbase.formats.records.text import TextRecording
 from modalbase.formats.records.variables import read_named
 from modalbase.formats.registry import FORMATS, load
 from modalbase.formats.tables import Stated
@@ -103,7 +102,7 @@ def mapped_channels(
         FormatError: the file cannot be read, or the mapping does not fit; names the field.
     """
     file = recording_of(path, form, limit_bytes, document.get("table"))
-    left = ("recording", "table") if isinstance(file, TextRecording) else ("recording",)
+    left = ("recording", "table") if file.is_table else ("recording",)
     rest = {name: value for name, value in document.items() if name not in left}
     if file.rate == SAMPLE_RATE:
         rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})

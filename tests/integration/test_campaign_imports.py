@@ -176,5 +176,12 @@ def test_the_library_sends_a_recording_once(service: LocalService, tmp_path: Pat
             structure.add_recording(broken, "free", mapping=MAPPING, **dated)
         with pytest.raises(ClientError, match="there is no 'dry_run'"):
             structure.add_recording(file, "free", how={"dry_run": True})
+        # mended, it takes the campaign that it had left empty, and what is stated now
+        (left,) = (each for each in structure.campaigns() if each.name == "broken")
+        broken.write_bytes(wind(5, **CHANNELS))
+        dated["covariates"] = {"wind_m_s": 7.0}
+        assert structure.add_recording(broken, "free", mapping=MAPPING, **dated).succeeded
+        assert [each.name for each in structure.campaigns()] == ["hour", "broken"]
+        assert left.refresh().covariates == {"wind_m_s": 7.0}
         states = [each.fields["status"] for each in structure.imports()]
-        assert states == ["failed", "succeeded"]
+        assert states == ["succeeded", "failed", "succeeded"]

@@ -172,7 +172,7 @@ def test_frfs_of_each_format_are_imported(
             written("npz", hits()),
             {},
             "mapping",
-            "?dry_run=true proposes one; the file suggests {'channels'",
+            '?dry_run=true proposes one; the file suggests {"channels"',
         ),
         (written("npz", hits()), {"kind": "frfs"}, "/force.npy", "is no array that is read here"),
         (frfs("npz"), {"kind": "hits"}, "mapping", "is missing"),

@@ -12,6 +12,7 @@ from modalbase.client.errors import ClientError, Exit
 from modalbase.commands.watching import _statements
 from modalbase.watch import watching
 from modalbase.watch.folders import Folders
+from modalbase.watch.headings import BY_DIMENSION, BY_TEXT
 from modalbase.watch.statements import (
     Covariates,
     NotStatedYetError,
@@ -19,6 +20,7 @@ from modalbase.watch.statements import (
     TimeInName,
     zone_of,
 )
+from service.nouns.campaigns.climate import unit_of_covariate
 
 BERN = ZoneInfo("Europe/Zurich")
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
@@ -114,12 +116,24 @@ def test_covariates_of_a_table(tmp_path: Path) -> None:
     assert by_time.of(file, None) == ({"wind_m_s": 4.5}, NOON)
     with pytest.raises(NotStatedYetError, match="no row of it"):
         by_time.of(tmp_path / "b.npz", None)
+    german = BY_FILE.replace("wind_m_s", "Wind (km/h)").replace("5;\n", "5;-3\n")
+    table.write_text(german.replace("temperature_c", "Außentemperatur [°C]"))
+    assert by_time.of(file, None)[0] == {"wind_m_s": 1.25, "aussentemperatur_c": -3}
+    for heading, words in (("Druck [bar]", "no unit of a cov"), ("Wind [m/s]", "wind_m_s twice")):
+        table.write_text(BY_FILE.replace("temperature_c", heading).replace("5;\n", "5;-3\n"))
+        with pytest.raises(StatementError, match=words):
+            by_time.of(file, None)
     table.write_text(BY_FILE.replace("4,5", "strong"))
     with pytest.raises(StatementError, match=r"weather\.csv, wind_m_s is 'strong'"):
         by_time.of(file, None)
     table.write_text(BY_FILE + "b.npz;1\n")
     with pytest.raises(StatementError, match=r"weather\.csv, line 3 has 2 cells, and the head 4"):
         by_time.of(file, None)
+
+
+def test_headings_become_names_that_the_service_takes() -> None:
+    for end in {*BY_TEXT.values(), *BY_DIMENSION.values()}:
+        assert unit_of_covariate(f"any{end}"), end
 
 
 def test_a_table_beside_a_file_is_no_recording(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ the file itself states, in a text beside the array or in its name, is used, or r
 mapping contradicts it. Without any the values are in SI.
 """
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -71,10 +72,8 @@ def frfs_of(
     """
     texts = texts or {}
     if document is None:
-        raise FormatError(
-            "mapping",
-            f"is missing; the file suggests {propose_frfs(variables, texts)}; complete it",
-        )
+        suggested = json.dumps(propose_frfs(variables, texts), ensure_ascii=False)
+        raise FormatError("mapping", f"is missing; the file suggests {suggested}; complete it")
     if not isinstance(document, dict) or document.keys() - set(_KEYS):
         raise FormatError("mapping", f"is not an object of {', '.join(_KEYS)}")
     missing = [

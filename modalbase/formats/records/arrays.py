@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -21,7 +22,7 @@ SAMPLE_RATE = "sample_rate_hz"
 
 MOST_COLUMNS = 1000
 """Of a matrix whose columns are channels."""
-_COLUMN = re.compile(r"(.+) column [1-9]\d*", re.DOTALL)
+_COLUMN = re.compile(r"(.+) column ([1-9]\d*)", re.DOTALL)
 _RATES = ("fs", "sr", "samplerate", "samplingrate", "samplingfrequency")
 UNEVEN = 1e-3
 """By which the steps of a time axis may differ, of their mean."""
@@ -49,9 +50,13 @@ def columns_of(name: str, shape: Sequence[int]) -> list[str]:
     >>> columns_of("data", (30000, 2)), columns_of("data", (30000, 1))
     (['data column 1', 'data column 2'], [])
     """
+    return [f"{name} column {k}" for k in range(1, _columns(shape) + 1)]
+
+
+def _columns(shape: Sequence[int]) -> int:
+    """How many channels lie side by side in a matrix."""
     sides = sorted(int(n) for n in shape if n != 1)
-    count = sides[0] if len(sides) == 2 and sides[0] <= MOST_COLUMNS else 0
-    return [f"{name} column {k}" for k in range(1, count + 1)]
+    return sides[0] if len(sides) == 2 and sides[0] <= MOST_COLUMNS else 0
 
 
 def channels_of(name: str, shape: Sequence[int]) -> list[str]:
@@ -79,11 +84,21 @@ def variable(variables: Variables, name: str) -> np.ndarray[Any, Any]:
     """
     if name in variables:
         return variables[name]
-    columns = columns_of(own := array_of(name), np.shape(variables.get(own, 0)))
-    if name in columns:
-        table = np.squeeze(variables[own])
-        return (table if table.shape[0] >= table.shape[1] else table.T)[:, columns.index(name)]
+    parts = _COLUMN.fullmatch(name)
+    if parts and parts[1] in variables:
+        number, table = int(parts[2]), np.squeeze(variables[parts[1]])
+        if number <= _columns(table.shape):
+            return (table if table.shape[0] >= table.shape[1] else table.T)[:, number - 1]
     raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
+
+
+NO_NUMBERS: Mapping[str, np.ndarray[Any, Any]] = MappingProxyType({})
+"""Of a recording that holds channels alone."""
+
+
+def single_numbers(variables: Variables) -> Variables:
+    """The variables that are one number, which no channel is."""
+    return {n: each for n, each in variables.items() if each.size == 1 and each.dtype.kind in "iuf"}
 
 
 def described(array: np.ndarray[Any, Any]) -> str:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
+from modalbase.formats.records.arrays import NO_NUMBERS, SAMPLE_RATE, Variables, sampling_rate
 from modalbase.formats.types import FloatArray
 
 # of a sample, and of a time stamp: what two channels may lie off whole samples
@@ -22,6 +22,8 @@ class OwnClocks(ABC):
     lengths: dict[str, int]
     full_scale: ClassVar[None] = None
     rate: ClassVar[str] = SAMPLE_RATE
+    is_table: ClassVar[bool] = False
+    numbers = NO_NUMBERS
     sample_bytes: ClassVar[int] = 4
     start_stated_by: ClassVar[str]
     """What states where a channel begins, for messages."""

@@ -21,6 +21,7 @@ from modalbase.formats.records.arrays import (
     rate_among,
     real,
     sampling_rate,
+    single_numbers,
 )
 from modalbase.formats.records.proposal import units_beside
 from modalbase.formats.records.wav import FRAMES
@@ -54,7 +55,7 @@ class NpzRecording:
     channels: dict[str, Channel]
     small: Variables
 
-    full_scale, declared = None, True
+    full_scale, declared, began, is_table = None, True, None, False
 
     @property
     def names(self) -> list[str]:
@@ -70,6 +71,11 @@ class NpzRecording:
             if array.dtype.kind == "U"
         }
         return units_beside(self.channels, texts)
+
+    @property
+    def numbers(self) -> Variables:
+        """The variables that are one number."""
+        return single_numbers(self.small)
 
     @property
     def rate(self) -> str | None:

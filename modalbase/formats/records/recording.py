@@ -9,7 +9,7 @@ file's name, `point_4.wav`; without an order all hits are at the point of the fo
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import Any, Protocol
@@ -23,6 +23,7 @@ from modalbase.formats.records.arrays import (
     described,
     rate_among,
     sampling_rate,
+    single_numbers,
     variable,
 )
 from modalbase.formats.records.mapping import MOST_POINT
@@ -57,6 +58,18 @@ class AnyRecording(Protocol):
     def rate(self) -> str | None:
         """Name of the single number that is its sampling rate."""
 
+    @property
+    def numbers(self) -> Mapping[str, np.ndarray[Any, Any]]:
+        """The variables that are one number, which no channel is."""
+
+    @property
+    def began(self) -> float | None:
+        """When the file says that it begins, s since 1970 in UTC."""
+
+    @property
+    def is_table(self) -> bool:
+        """Whether all channels are columns of one table, which are best read at once."""
+
     def shapes(self) -> dict[str, str]:
         """Type and shape of each channel."""
 
@@ -82,7 +95,12 @@ class Arrays:
 
     variables: Variables
     units: dict[str, str] = field(default_factory=dict)
-    full_scale, declared = None, True
+    full_scale, declared, began, is_table = None, True, None, False
+
+    @property
+    def numbers(self) -> Variables:
+        """The variables that are one number."""
+        return single_numbers(self.variables)
 
     @property
     def rate(self) -> str | None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
+from modalbase.formats.records.arrays import NO_NUMBERS, SAMPLE_RATE, Variables, sampling_rate
 from modalbase.formats.records.proposal import is_time
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.tables import Stated, TextTable, open_table
@@ -26,7 +26,7 @@ class TextRecording:
     """
 
     table: TextTable
-    full_scale, declared = None, True
+    full_scale, declared, began, is_table, numbers = None, True, None, True, NO_NUMBERS
 
     @property
     def names(self) -> list[str]:

@@ -8,7 +8,7 @@ from typing import BinaryIO, Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import SAMPLE_RATE, sampling_rate
+from modalbase.formats.records.arrays import NO_NUMBERS, SAMPLE_RATE, sampling_rate
 from modalbase.formats.types import FloatArray
 
 FRAMES = 1 << 17
@@ -44,7 +44,7 @@ class Wav:
     frames: int
     declared: bool = True
 
-    rate = SAMPLE_RATE
+    rate, began, is_table, numbers = SAMPLE_RATE, None, False, NO_NUMBERS
 
     def notes(self, _: Sequence[str]) -> list[str]:
         """Nothing is noticed of its channels."""

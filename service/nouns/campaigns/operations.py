@@ -136,6 +136,14 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
     )
 
 
+def describe_anew(session: Session, user: User, campaign_id: UUID, body: CampaignIn) -> Campaign:
+    """State of a campaign all that a body says, in place of what was stated before."""
+    campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
+    patch = CampaignPatch.model_validate(body.model_dump(mode="json"))
+    change_campaign(session, user, campaign, patch)
+    return campaign
+
+
 def change_campaign(session: Session, user: User, campaign: Campaign, patch: CampaignPatch) -> None:
     """Apply a patch to a locked campaign; the audit trail keeps the fields as they were and as they
     are now.
@@ -257,10 +265,13 @@ def present_campaigns(session: Session, structures: Select[UUID]) -> Sequence[UU
     return session.scalars(kept).all()
 
 
-def among_campaigns(structure_id: UUID, *, deleted: bool) -> Select[UUID]:
-    """Keys of a structure's campaigns, or of its deleted ones, as part of a query."""
+def among_campaigns(structure_id: UUID, *, deleted: bool, name: str | None = None) -> Select[UUID]:
+    """Keys of a structure's campaigns, or of its deleted ones, of any name or of one, as part of a
+    query.
+    """
     gone = Campaign.deleted_at.is_not(None) if deleted else Campaign.deleted_at.is_(None)
-    return select(Campaign.id).where(Campaign.structure_id == structure_id, gone)
+    query = select(Campaign.id).where(Campaign.structure_id == structure_id, gone)
+    return query if name is None else query.where(Campaign.name == name)
 
 
 def newest_campaigns(session: Session, structures: Select[UUID], most: int) -> Sequence[Campaign]:

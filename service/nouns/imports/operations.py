@@ -7,9 +7,9 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import ForeignKey, Index, Select, func, select
+from sqlalchemy import ColumnElement, ForeignKey, Index, Select, and_, func, or_, select
 from sqlalchemy.dialects.postgresql import JSONB
-from sqlalchemy.orm import Mapped, Session, mapped_column
+from sqlalchemy.orm import Mapped, Session, aliased, mapped_column
 
 from service.nouns.campaigns.operations import among_campaigns, campaign_for, campaign_of
 from service.nouns.frfs.operations import remove_frfs
@@ -102,11 +102,11 @@ def same_bytes(session: Session, draft: Import) -> Import | None:
 def imports_into(
     structure_id: UUID, sha256s: Sequence[bytes] = (), *, deleted: bool = False
 ) -> Select[Import]:
-    """The query of imports into a structure's campaigns, or into its deleted ones; with digests
-    those of these bytes alone.
+    """The query of imports into a structure's campaigns, or into its deleted ones, without dry
+    runs; with digests those of these bytes alone.
     """
     campaigns = among_campaigns(structure_id, deleted=deleted)
-    query = select(Import).where(Import.campaign_id.in_(campaigns))
+    query = select(Import).where(Import.campaign_id.in_(campaigns), ~Import.dry_run)
     return query.where(Import.sha256.in_(sha256s)) if sha256s else query
 
 
@@ -118,7 +118,7 @@ def known_bytes(session: Session, structure_id: UUID, sha256: bytes) -> Import |
         Conflict: a deleted campaign has them.
     """
     for deleted in (False, True):
-        query = imports_into(structure_id, [sha256], deleted=deleted).where(~Import.dry_run)
+        query = imports_into(structure_id, [sha256], deleted=deleted)
         unread = Job.state.in_(("failed", "cancelled"))
         order = (unread, Import.id.desc())
         row = session.scalars(query.join(Job, Job.id == Import.id).order_by(*order)).first()
@@ -129,6 +129,31 @@ def known_bytes(session: Session, structure_id: UUID, sha256: bytes) -> Import |
         if row is not None:
             return row
     return None
+
+
+def left_unread(session: Session, structure_id: UUID, name: str, filename: str) -> UUID | None:
+    """The newest campaign of a structure, by its name, of which all that is known is that files of
+    one name could not be read; None where there is none.
+    """
+    campaigns = among_campaigns(structure_id, deleted=False, name=name)
+    unread = Job.state.in_(("failed", "cancelled")), Import.filename == filename
+    return session.scalars(
+        select(Import.campaign_id)
+        .join(Job, Job.id == Import.id)
+        .where(Import.campaign_id.in_(campaigns), ~Import.dry_run)
+        .group_by(Import.campaign_id)
+        .having(func.bool_and(and_(*unread)))
+        .order_by(Import.campaign_id.desc())
+        .limit(1)
+    ).first()
+
+
+def is_listed() -> ColumnElement[bool]:
+    """The condition that an import is in lists: a dry run leaves once its file was read."""
+    other = aliased(Import)
+    same = other.campaign_id == Import.campaign_id, other.sha256 == Import.sha256
+    read = select(other.id).join(Job, Job.id == other.id).where(*same, ~other.dry_run)
+    return or_(~Import.dry_run, ~read.where(Job.state == "succeeded").exists())
 
 
 def remove_import(session: Session, user: User, row: Import) -> None:

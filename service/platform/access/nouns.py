@@ -44,6 +44,8 @@ class NounRoutes(Generic[Row, Out]):
 
     newest_first = False
     """The order of a list."""
+    listed: tuple[ColumnElement[bool], ...] = ()
+    """Conditions of the rows that are in lists."""
 
     def __init__(
         self,
@@ -126,7 +128,7 @@ class NounRoutes(Generic[Row, Out]):
         table: Any = self._find.table
         owner = (self._find.owner or project_for)(session, user, owner_id)
         its = getattr(table, self._find.owner_key) == owner.id
-        query = select(table).where(its, *self._find.among)
+        query = select(table).where(its, *self._find.among, *self.listed)
         if deleted:
             query = query.where(table.deleted_at.is_not(None))
         elif deleted is not None or not hasattr(table, "deleted_at"):

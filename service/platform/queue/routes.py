@@ -28,6 +28,7 @@ class JobRoutes(NounRoutes[Row, Out]):
         own: Callable[[Session, Sequence[Row]], Iterable[dict[str, Any]]],
         *,
         newest_first: bool = True,
+        listed: tuple[ColumnElement[bool], ...] = (),
         weight: ColumnElement[int] | None = None,
     ) -> None:
         """State a noun; as of `NounRoutes`, but that `own` says only what is in neither a row nor
@@ -36,7 +37,8 @@ class JobRoutes(NounRoutes[Row, Out]):
         super().__init__(
             router, noun.find, model, self._with_jobs, noun.address, key, weight=weight
         )
-        self._noun, self._own, self.newest_first = noun, own, newest_first
+        self._noun, self._own = noun, own
+        self.newest_first, self.listed = newest_first, listed
 
     def _with_jobs(self, session: Session, rows: Sequence[Any]) -> Iterable[Out]:
         """Rows and their jobs are read at one moment, so that a job that has succeeded never stands

@@ -5,6 +5,7 @@ This module imports no database and no web, since the child imports it.
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -194,8 +195,7 @@ def responses_of(
         file = _faults_as(_dotted, lambda: recording_of(inputs.path, form, limit))
         proposed = proposal_of(file)
         if not inputs.dry_run:
-            why = f"is missing; ?dry_run=true proposes one; the file suggests {proposed}"
-            raise Invalid("/mapping", why)
+            raise Invalid("/mapping", _missing(proposed))
         table = table_of(file)
         yield FileDescription(form, kind, file.shapes(), proposed, table=table, notes=_starts(file))
         return
@@ -436,14 +436,17 @@ def hits_of(
     description = FileDescription("npz", "hits", _shapes(variables), propose(variables, units))
     if stated is None:
         if not dry_run:
-            raise Invalid(
-                "mapping",
-                f"is missing; ?dry_run=true proposes one; the file suggests {description.mapping}",
-            )
+            raise Invalid("mapping", _missing(description.mapping))
         return description, []
     mapping = _faults_as(_dotted, lambda: read_mapping(stated, units))
     blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping, units))
     return replace(description, blocks=len(blocks), counted=mapping.hit is None), blocks
+
+
+def _missing(proposed: dict[str, Any]) -> str:
+    """That the mapping is missing, with the one that a file suggests, to be copied."""
+    suggested = json.dumps(proposed, ensure_ascii=False)
+    return f"is missing; ?dry_run=true proposes one; the file suggests {suggested}"
 
 
 def _quantity(inputs: ReadingInputs, form: str) -> Quantity:

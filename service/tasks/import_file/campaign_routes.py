@@ -86,7 +86,8 @@ def import_campaign(
 
     A structure takes the same bytes once: sent again they are answered 200 with the import that has
     them, `already_imported` true, whatever became of it. One that failed is read anew by POST
-    /campaigns/{id}/imports into its campaign. Bytes of a deleted campaign are 409.
+    /campaigns/{id}/imports into its campaign; other bytes of the same file and campaign name take that
+    campaign, which nothing else is in. Bytes of a deleted campaign are 409.
     """
     if sent.file.size == 0:
         raise Invalid("", "the body is empty, expected a file")
@@ -120,7 +121,7 @@ def list_imports_of_structure(
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[ImportOut]:
-    """Imports into all campaigns of a structure, newest first."""
+    """Imports into all campaigns of a structure, newest first, without dry runs."""
     structure = structure_for(session, user, structure_id)
     digests = [bytes.fromhex(each) for each in sha256 or ()]
     query = imports_into(structure.id, digests, deleted=deleted)

@@ -20,10 +20,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import Variables
-from modalbase.formats.records.npz import NpzRecording
-from modalbase.formats.records.recording import AnyRecording, Arrays
-from modalbase.formats.records.text import TextRecording
+from modalbase.formats.records.recording import AnyRecording
 
 _PLACE = "mapping.recording"
 _BRACKET = re.compile(r"[\[(]([^\s\[\]()]{1,8})[\])]$")  # a unit at the end of a name
@@ -95,17 +92,9 @@ def _channel(file: AnyRecording, name: str, stated: Any) -> dict[str, Any]:
 
 
 def _require_there(file: AnyRecording, place: str, name: Any) -> None:
-    numbers = [*file.names, *_numbers(file)]
-    if name not in numbers:
-        raise FormatError(place, f"is {name!r}; the file has {', '.join(numbers)}")
-
-
-def _numbers(file: AnyRecording) -> Variables:
-    """The variables that are one number, which no channel is."""
-    variables: Variables = {}
-    if isinstance(file, Arrays | NpzRecording):
-        variables = file.variables if isinstance(file, Arrays) else file.small
-    return {n: each for n, each in variables.items() if each.size == 1 and each.dtype.kind in "iuf"}
+    there = [*file.names, *file.numbers]
+    if name not in there:
+        raise FormatError(place, f"is {name!r}; the file has {', '.join(there)}")
 
 
 def _means(file: AnyRecording, names: list[str]) -> dict[str, tuple[float, int, int]]:
@@ -116,7 +105,7 @@ def _means(file: AnyRecording, names: list[str]) -> dict[str, tuple[float, int, 
     """
     means = {}
     # columns of a table lie side by side and are read at once; other channels may differ in length
-    for together in [names] if isinstance(file, TextRecording) and names else [[n] for n in names]:
+    for together in [names] if file.is_table and names else [[n] for n in names]:
         total, good, samples = np.zeros(len(together)), np.zeros(len(together), dtype=int), 0
         for part in _parts(file, together):
             finite = np.isfinite(part)
@@ -130,7 +119,7 @@ def _means(file: AnyRecording, names: list[str]) -> dict[str, tuple[float, int, 
 
 
 def _parts(file: AnyRecording, names: list[str]) -> Any:
-    single = _numbers(file)
+    single = file.numbers
     return [np.reshape(single[names[0]], (1, 1))] if names[0] in single else file.chunks(names)
 
 
@@ -139,9 +128,9 @@ def _performed_at(file: AnyRecording, stated: Any) -> datetime | None:
     if stated is None:
         return None
     if stated == "file":
-        if (began := getattr(file, "began", None)) is None:
+        if file.began is None:
             raise FormatError(place, "is file, and the file does not state when it began")
-        return datetime.fromtimestamp(began, UTC)
+        return datetime.fromtimestamp(file.began, UTC)
     if not isinstance(stated, dict) or stated.keys() != {"variable"}:
         raise FormatError(place, f'is {stated!r}, expected "file" or {{"variable": name}}')
     _require_there(file, f"{place}.variable", stated["variable"])

@@ -14,7 +14,13 @@ from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.registry import FORMATS, Kind, either, looked_at, titles
-from service.nouns.imports.operations import REPORT_BYTES, import_for, new_import, remove_import
+from service.nouns.imports.operations import (
+    REPORT_BYTES,
+    import_for,
+    is_listed,
+    new_import,
+    remove_import,
+)
 from service.nouns.records.operations import record_for
 from service.nouns.records.processings import judged
 from service.nouns.records.schemas import Proposal, StoredRecords
@@ -115,6 +121,7 @@ of_jobs = JobRoutes(
     "import_id",
     _with_files,
     newest_first=False,
+    listed=(is_listed(),),
     weight=REPORT_BYTES,
 )
 
@@ -194,8 +201,8 @@ def start_import(
 
 of_jobs.listing(
     "list_imports",
-    "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would"
-    " make it heavy.",
+    "Imports into a campaign, oldest first; a dry run leaves the list once its file was read. A page"
+    " is shorter where reports on many datasets would make it heavy.",
 )
 of_jobs.getting(
     "get_import", "How far an import is, what it brought in, and what became of each dataset."

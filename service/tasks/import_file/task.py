@@ -9,11 +9,18 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from service.nouns.campaigns.operations import campaign_for, create_campaign
-from service.nouns.frfs.operations import quantities_of, writing_frfs
-from service.nouns.imports.operations import has_file, import_for, known_bytes, same_bytes
+from service.nouns.campaigns.operations import campaign_for, create_campaign, describe_anew
+from service.nouns.frfs.operations import any_sent, quantities_of, writing_frfs
+from service.nouns.imports.operations import (
+    has_file,
+    import_for,
+    known_bytes,
+    left_unread,
+    same_bytes,
+)
+from service.nouns.modes.operations import newest_stated
 from service.nouns.monitors.operations import note_complete
-from service.nouns.records.operations import RecordIntake
+from service.nouns.records.operations import RecordIntake, has_records
 from service.nouns.storage import book
 from service.nouns.storage.originals import keep_original, original_sizes, write_original
 from service.nouns.structures.operations import structure_for
@@ -120,7 +127,8 @@ def import_campaign(
     """Make a campaign of a file alone and queue the file's reading, in one transaction.
 
     Bytes that a campaign of the structure has already make no second one: the import that has them
-    is returned, also where it failed.
+    is returned, also where it failed. A campaign of this name that a file of this name left empty, as
+    it could not be read, takes the file and what is stated now.
 
     Args:
         session: the request's transaction.
@@ -147,10 +155,23 @@ def import_campaign(
     if body.performed_at is None and not dated_by_file:
         why = "is missing: state it, or mapping.recording.performed_at where the file states it"
         raise Invalid("campaign/performed_at", why)
-    campaign = create_campaign(session, user, structure.id, body)
+    left = _left_empty(session, structure.id, body.name, draft.filename)
+    campaign = (
+        create_campaign(session, user, structure.id, body)
+        if left is None
+        else describe_anew(session, user, left, body)
+    )
     if complete:
         note_complete(session, user, campaign, dated_by_file=dated_by_file)
     return start_import(session, user, campaign.id, file, draft)
+
+
+def _left_empty(session: Session, structure_id: UUID, name: str, filename: str) -> UUID | None:
+    """The campaign that a file that could not be read has left empty; None where there is none."""
+    key = left_unread(session, structure_id, name, filename)
+    if key is None or any_sent(session, key) or has_records(session, key):
+        return None
+    return None if newest_stated(session, [key]) else key
 
 
 def _require_alike(session: Session, known: Import, draft: Import) -> None:
