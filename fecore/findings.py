@@ -8,8 +8,8 @@ sentence again.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
 
 Level = Literal["with_care", "do_not_use"]
 
@@ -56,9 +56,29 @@ class Finding:
     remark: str | None = None  # id of the remark on the data that a result passes on as this kind
     folds: bool = True  # whether it is said as one with others of its kind
 
+    def renamed(self, names: Mapping[str, str]) -> Finding:
+        """The same with other names, by those that it has among its values; of one whose values are
+        not at hand itself.
+        """
+        del names
+        return self
+
     def passed_on(self, kind: str, weight: float) -> Finding:
         """The same as a result says it, under the kind that it has for all remarks of a step."""
         return replace(self, kind=kind, weight=weight, remark=self.kind)
+
+
+@dataclass(frozen=True)
+class _Made(Finding):
+    """A finding with what it was made of, which documents do not have."""
+
+    row: Row = field(kw_only=True, repr=False)
+    values: Mapping[str, object] = field(kw_only=True, repr=False)
+
+    def renamed(self, names: Mapping[str, str]) -> Finding:
+        """The same with other names, by those that it has among its values."""
+        values = {key: names.get(str(each), each) for key, each in self.values.items()}
+        return replace(self, **_words(self.row, values), values=values)
 
 
 def make(
@@ -68,19 +88,28 @@ def make(
     given.
     """
     row = rows[kind]
-    sentence, advice = row.sentence.format(**values), row.advice.format(**values)
-    between = "; " if ": " in row.sentence or "; " in row.sentence else ": "
-    return Finding(
+    return _Made(
         kind,
-        sentence,
-        text=sentence if row.apart or not advice else sentence + between + advice,
-        advice=advice,
+        **_words(row, values),
         level=level or row.level,
         weight=row.weight,
         link=row.link,
-        subject=row.subject.format(**values) or None,
         folds=row.folds,
+        row=row,
+        values=values,
     )
+
+
+def _words(row: Row, values: Mapping[str, object]) -> dict[str, Any]:
+    """What a row says with values."""
+    sentence, advice = row.sentence.format(**values), row.advice.format(**values)
+    between = "; " if ": " in row.sentence or "; " in row.sentence else ": "
+    return {
+        "sentence": sentence,
+        "text": sentence if row.apart or not advice else sentence + between + advice,
+        "advice": advice,
+        "subject": row.subject.format(**values) or None,
+    }
 
 
 def texts(findings: Iterable[Finding]) -> tuple[str, ...]:

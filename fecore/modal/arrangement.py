@@ -18,6 +18,7 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet, Quantity
+from fecore.signal.half_spectra import reference_of
 
 FEW = 4
 """FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors,
@@ -140,11 +141,15 @@ def means(each: np.ndarray, lines: int) -> np.ndarray:
 
 
 def pair_label(response: Dof, reference: Dof) -> str:
-    """Name of an FRF as laboratories write it, response first: `33Z/1Z`."""
+    """Name of an FRF as laboratories write it, response first: `33Z/1Z`; of a half spectrum of
+    several setups `33Z/1Z of setup 2`.
+    """
     axes = ("X", "Y", "Z", "RX", "RY", "RZ")
-    return "/".join(
-        f"{d.point}{'-' if d.sign < 0 else ''}{axes[d.axis - 1]}" for d in (response, reference)
+    own, setup = reference_of(reference)
+    both = "/".join(
+        f"{d.point}{'-' if d.sign < 0 else ''}{axes[d.axis - 1]}" for d in (response, own)
     )
+    return f"{both} of setup {setup}" if setup else both
 
 
 def set_with_gaps(

@@ -22,8 +22,7 @@ spectral kurtosis of the responses lies nearer to a sine's -1 than to a random r
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -33,14 +32,13 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.findings import Finding, make, remark
-from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet
-from fecore.modal.arrangement import pair_label
+from fecore.frf import POWER_OF_I_OMEGA, FrfSet
 from fecore.modal.identify import Options, Report, identify
-from fecore.modal.result import Identification, IdentifiedPoles
+from fecore.modal.result import Identification, IdentifiedPoles, named_mode
 from fecore.modal.series import columns, derivatives, slope_parts, stacked
 from fecore.modes import MeasuredModes
-from fecore.signal.block_spectra import BlockSpectra
-from fecore.signal.half_spectra import HalfSpectra, column_of, needed_s
+from fecore.signal.block_spectra import BlockSpectra, Motion
+from fecore.signal.half_spectra import HalfSpectra, needed_s
 from fecore.signal.measured_loads import LoadFrfs
 
 _NEARER_A_SINE = -0.5  # spectral kurtosis
@@ -105,7 +103,8 @@ def identify_output_only(
     setups = (setups,) if isinstance(setups, HalfSpectra) else tuple(setups)
     _check(setups)
     # 1. Identify.
-    frfs = [setup.frfs(number) for number, setup in enumerate(setups)]
+    first = 1 if len(setups) > 1 else 0
+    frfs = [setup.frfs(number) for number, setup in enumerate(setups, first)]
     identification, poles = _by_blocks(setups, frfs, options, report)
     before = identification.found
     # 2. Harmonics.
@@ -120,16 +119,28 @@ def identify_output_only(
         sorted([*poles.frequency_hz[sines].tolist(), *_refused_sines(identification, setups)])
     )
     # 3. Findings.
-    names = _names(before, kept, ~sines, setups)
+    numbers = _renumbered(before, kept, ~sines)
     notes = (
         *(finding("harmonic", hz=hz) for hz in harmonics),
         *_too_short(kept, setups),
-        *_of_responses(identification.notes, names),
+        *_of_responses(identification.notes, numbers),
     )
-    used = tuple(names.get(label, label) for label in identification.used)
-    return OutputOnly(
-        replace(identification, found=kept, notes=notes, used=used, harmonics_hz=harmonics)
-    )
+    rms = _rms(setups, identification)
+    done = replace(identification, found=kept, notes=notes)
+    return OutputOnly(replace(done, harmonics_hz=harmonics, response_rms=rms))
+
+
+def _rms(
+    setups: Sequence[HalfSpectra], identification: Identification
+) -> tuple[Motion, float] | None:
+    """Root mean square of the responses over the lines of the fit, each recording counting alike;
+    None where recordings are of different quantities.
+    """
+    if len({setup.quantity for setup in setups}) > 1:
+        return None
+    low, high = identification.frequency_hz[[0, -1]]
+    squares = [setup.mean_square(low, high) for setup in setups]
+    return setups[0].quantity, float(np.sqrt(np.mean(squares)))
 
 
 def identify_measured_loads(
@@ -366,45 +377,19 @@ def _too_short(poles: IdentifiedPoles, setups: Sequence[HalfSpectra]) -> list[Fi
     return [finding("recording_short", length=length, **slowest)]
 
 
-def _names(
-    before: IdentifiedPoles,
-    after: IdentifiedPoles,
-    kept: BoolArray,
-    setups: Sequence[HalfSpectra],
-) -> dict[str, str]:
-    """What `identify` calls pairs and modes, and what they are called here: a pair by its own
-    points, a mode by its number without harmonics.
-    """
-    names = dict[str, str]()
-    for number, setup in enumerate(setups):
-        of_setup = f" of setup {number + 1}" if len(setups) > 1 else ""
-        for response in setup.responses:
-            for dof in setup.references:
-                column = column_of(dof, number)
-                both = Dof(response.point, response.axis), Dof(column.point, column.axis)
-                names[pair_label(*both)] = pair_label(both[0], Dof(dof.point, dof.axis)) + of_setup
+def _renumbered(before: IdentifiedPoles, after: IdentifiedPoles, kept: BoolArray) -> dict[str, str]:
+    """What `identify` calls modes, and what they are called without the harmonics among them."""
     numbers = np.cumsum([why is None for why in before.doubt])
     ours = np.cumsum([why is None for why in after.doubt])
-    for k, new in zip(np.flatnonzero(kept), ours, strict=True):
-        if before.doubt[k] is None and numbers[k] != new:
-            names[f"mode {numbers[k]} ("] = f"mode {new} ("
-    return names
+    return {
+        named_mode(int(numbers[k])): named_mode(int(new))
+        for k, new in zip(np.flatnonzero(kept), ours, strict=True)
+        if before.doubt[k] is None and numbers[k] != new
+    }
 
 
-def _of_responses(notes: Sequence[Finding], names: dict[str, str]) -> list[Finding]:
-    """Findings of an identification that hold without a force, with the names used here."""
-    pattern = re.compile("|".join(map(re.escape, sorted(names, key=len, reverse=True))))
-
-    def named(text: str) -> str:
-        return pattern.sub(lambda match: names[match[0]], text)
-
+def _of_responses(notes: Sequence[Finding], numbers: Mapping[str, str]) -> list[Finding]:
+    """Findings of an identification that hold without a force, with the modes' numbers."""
     return [
-        replace(
-            each,
-            sentence=named(each.sentence),
-            text=named(each.text),
-            subject=None if each.subject is None else named(each.subject),
-        )
-        for each in notes
-        if each.kind not in _OF_FORCES
+        each.renamed(numbers) if numbers else each for each in notes if each.kind not in _OF_FORCES
     ]

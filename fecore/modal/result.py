@@ -21,6 +21,7 @@ from fecore.modal.refine import OUTLYING, PoleFit
 from fecore.modal.series import Terms
 from fecore.modal.shapes import Shapes
 from fecore.modes import MeasuredModes
+from fecore.signal.block_spectra import Motion
 
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
@@ -165,6 +166,9 @@ class Identification:
     harmonics_hz: tuple[float, ...] | None = None
     # rate of the FRFs' exponential window that was taken out of the poles found, 1/s
     window_taken_out_per_s: float = 0.0
+    # root mean square of all responses over the lines of the fit, in the SI unit of what they
+    # measure, where nobody measured the loads; else None
+    response_rms: tuple[Motion, float] | None = None
 
     def chosen(self, *, include_doubtful: bool = False) -> IdentifiedPoles:
         """The modes, with the uncertain poles where they are asked for.
@@ -343,11 +347,16 @@ def moved_by_height(fit: PoleFit, kept: IntArray) -> list[Finding]:
     ]
 
 
+def named_mode(number: int) -> str:
+    """A mode of a set in words."""
+    return f"mode {number}"
+
+
 def _named(doubt: tuple[str | None, ...]) -> list[str]:
     """Modes by their number in the set, which has no uncertain pole."""
     sure = np.cumsum([why is None for why in doubt])
     return [
-        "an uncertain pole" if why else f"mode {number}"
+        "an uncertain pole" if why else named_mode(int(number))
         for why, number in zip(doubt, sure, strict=True)
     ]
 

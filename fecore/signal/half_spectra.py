@@ -94,14 +94,21 @@ class HalfSpectra(BlockSpectra):
         shape = self.crosses[:, column, line] / np.sqrt(own[column])
         return float(self.frequency_hz[line]), self.references[column], shape
 
+    def mean_square(self, low_hz: float, high_hz: float) -> float:
+        """Mean square of all responses over a band, the lines at its ends included: Σ S_xx Δf,
+        their mean over the sensors, (unit of x)².
+        """
+        within = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
+        return float(self.autos[:, within].sum(axis=1).mean() / self.lag_s)
+
     def frfs(self, setup: int = 0) -> FrfSet:
         """As mobilities, pair by pair: correlations of accelerations begin at their largest, as the
         response of a velocity to an impulse does.
 
         Args:
-            setup: which of several recordings that share references. The unknown loads stand in
-                place of a force, others in each recording and nowhere a driving point: each
-                reference of each setup is a column of its own.
+            setup: number, from 1, among several recordings that share references; 0 of one alone.
+                The unknown loads stand in place of a force, others in each recording and nowhere a
+                driving point: each reference of each setup is a column of its own.
         """
         columns = [column_of(dof, setup) for dof in self.references]
         return FrfSet(self.frequency_hz, *self.pairs(columns), "mobility")
@@ -110,6 +117,12 @@ class HalfSpectra(BlockSpectra):
 def column_of(reference: Dof, setup: int) -> Dof:
     """The column of a reference of a setup, among force degrees of freedom."""
     return Dof(reference.point + (setup + 1) * _COLUMNS, reference.direction)
+
+
+def reference_of(column: Dof) -> tuple[Dof, int]:
+    """The reference of a column and the number of its setup; of a force itself, and 0."""
+    setup, point = divmod(column.point, _COLUMNS)
+    return Dof(point, column.direction), max(setup - 1, 0)
 
 
 _COLUMNS = 10**10  # above all labels of points

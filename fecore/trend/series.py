@@ -163,15 +163,22 @@ def in_time_order(series: Series) -> tuple[Series, tuple[str, ...]]:
                 f"campaigns {series.labels[a]} and {series.labels[b]} are both of"
                 f" {series.dates[a].isoformat()}; leave one out, or correct its date",
             )
-    newest = list(itertools.accumulate(series.dates, max))
-    late = [series.labels[i] for i in range(1, len(series)) if series.dates[i] < newest[i - 1]]
-    if not late:
-        return series, ()
-    note = (
+    late = came_late(series.dates, series.labels)
+    return (select(series, order), (late_note(late),)) if late else (series, ())
+
+
+def came_late(dates: Sequence[datetime], labels: Sequence[str]) -> list[str]:
+    """Campaigns that came after one of a later date, of all in the order in which they came."""
+    newest = itertools.accumulate(dates, max)
+    return [label for label, date, last in zip(labels, dates, newest, strict=True) if date < last]
+
+
+def late_note(late: Sequence[str]) -> str:
+    """That campaigns came late, in words."""
+    return (
         f"put into time order: {listed(late)} came after later campaigns; the states were judged"
         " anew"
     )
-    return select(series, order), (note,)
 
 
 def select(series: Series, indices: Sequence[int]) -> Series:

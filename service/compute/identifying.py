@@ -12,7 +12,7 @@ from fecore.modal import Identification, IdentifiedPoles, Stabilisation
 def describe_identification(identification: Identification) -> dict[str, Any]:
     """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what
     was left out, warnings, and the stabilisation diagram; whether loads were measured, and the
-    harmonics that were seen where they were not.
+    harmonics and the amplitude that were seen where they were not.
     """
     chosen = list(zip(_rows(identification.found), identification.found.doubt, strict=True))
     return {
@@ -36,7 +36,21 @@ def describe_identification(identification: Identification) -> dict[str, Any]:
         "excitation": "measured" if identification.harmonics_hz is None else "unmeasured",
         "harmonics_hz": list(identification.harmonics_hz or ()),
         "window_taken_out_per_s": identification.window_taken_out_per_s,
+        "amplitude": _amplitude(identification),
     }
+
+
+AMPLITUDES = {
+    "acceleration": "amplitude_rms_m_s2",
+    "velocity": "amplitude_rms_m_s",
+    "displacement": "amplitude_rms_m",
+}
+"""Names of the root mean square of responses as a covariate, by what they measure."""
+
+
+def _amplitude(identification: Identification) -> dict[str, float]:
+    rms = identification.response_rms
+    return {} if rms is None else {AMPLITUDES[rms[0]]: rms[1]}
 
 
 def _rows(assessed: IdentifiedPoles) -> list[dict[str, Any]]:
@@ -78,6 +92,7 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
     none = dict.fromkeys(("model_error", "drift", "delay_s", "memory_lines"))
     defaults: dict[str, Any] = {"doubtful": [], "refused_poles": [], "stated": [], **none}
     defaults |= {"excitation": "measured", "harmonics_hz": [], "window_taken_out_per_s": 0.0}
+    defaults["amplitude"] = {}
     document = {**defaults, **document}
     unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")

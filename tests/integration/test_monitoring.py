@@ -198,10 +198,9 @@ def test_another_boundary_is_refused(lab: Lab) -> None:
 def test_late_campaigns_reorder_the_series_and_it_says_so(lab: Lab) -> None:
     late, early = lab.campaign(20, seed=20), lab.campaign(10, seed=10)
     series = lab.judged([*lab.baseline, early, late])
-    notes = series["parameters"][0]["notes"]
     assert (
         f"put into time order: {early} came after later campaigns; the states were judged anew"
-        in notes
+        in series["notes"]
     )
     delete(lab, early)
     delete(lab, late)

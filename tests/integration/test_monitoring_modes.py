@@ -203,6 +203,13 @@ def test_a_recording_without_a_force_is_processed_and_identified(client: httpx.C
     modes = ok(client.get(f"campaigns/{campaign}/mode-sets"))["items"][0]
     assert modes["excitation"] == "unmeasured"
     assert [mode["frequency_hz"] for mode in modes["modes"]] == pytest.approx([3, 8], rel=0.01)
+    # all of it up to the lines' end, whose share of the sampling rate is 1/2.56: noise of 1 is white
+    noise = 2 / 2.56
+    expected = np.sqrt((recording**2).mean() - 1 + noise)
+    amplitude = {"amplitude_rms_m_s2": pytest.approx(expected, rel=0.03)}  # a modal part lies above
+    assert modes["details"]["amplitude"] == amplitude
+    (shown,) = ok(client.get(f"monitors/{monitor}/series"))["campaigns"]
+    assert shown["covariates"] == amplitude
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,8 @@ def test_a_long_series_is_followed_in_parts_and_shown_thinned(sessions: Sessions
         thin = series_document(session, monitor, series, Part(limit=20))
         assert (thin["total"], thin["stride"], len(thin["campaigns"])) == (RUNS, 5, 18)
         assert thin["campaigns"][-1] == whole["campaigns"][-1]
+        few = 20 * len(whole["parameters"])
+        assert series_document(session, monitor, series, Part(values=few)) == thin
         name, points = whole["parameters"][0]["name"], whole["parameters"][0]["points"]
         begin = datetime.fromisoformat(whole["campaigns"][40]["performed_at"])
         late = series_document(session, monitor, series, Part(begin))

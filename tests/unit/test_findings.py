@@ -13,7 +13,7 @@ from string import Formatter
 import pytest
 
 from fecore import correlation
-from fecore.findings import Finding, Row, alike, make, remark
+from fecore.findings import Row, alike, make, remark
 from fecore.modal.findings import OF_FRFS, OF_MODES, WHY_NOT_USED, finding, not_used
 from fecore.signal.findings import OF_HITS
 from fecore.signal.reasons import REASONS
@@ -176,4 +176,5 @@ def test_a_value_with_braces_is_not_read_as_a_name() -> None:
     rows = {"open": remark("{which} is open", "close {which}")}
     made = make(rows, "open", which="{lid}")
     assert (made.sentence, made.advice) == ("{lid} is open", "close {lid}")
-    assert made == Finding("open", "{lid} is open", "{lid} is open: close {lid}", "close {lid}")
+    assert (made.kind, made.text) == ("open", "{lid} is open: close {lid}")
+    assert made.renamed({"{lid}": "box"}).text == "box is open: close box"

@@ -91,7 +91,7 @@ def create_mode_set(session: Session, user: User, campaign_id: UUID, body: ModeS
     return mode_set
 
 
-DETAILS = ("warnings", "doubtful", "refused", "refused_poles", "harmonics_hz")
+DETAILS = ("warnings", "doubtful", "refused", "refused_poles", "harmonics_hz", "amplitude")
 """What of the document about an identification its mode set has too, so that nobody sees the modes
 without it.
 """
@@ -236,6 +236,14 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
         covariance=_covariance(mode_set, rows),
         probability=_probability(mode_set, rows),
     )
+
+
+def amplitude_of(session: Session, mode_set_id: UUID) -> dict[str, float]:
+    """Root mean square of the responses of the recordings that gave a set, by its name as a
+    covariate; empty of one without.
+    """
+    amplitude: dict[str, float] = session.get_one(ModeSet, mode_set_id).details.get("amplitude", {})
+    return amplitude
 
 
 def window_taken_out(session: Session, mode_set_id: UUID) -> float:

@@ -199,9 +199,9 @@ class ModeSetOut(StrictModel):
         description=(
             "of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with"
             " the reason of each, `refused` FRFs, `refused_poles`, `evidence` for each mode,"
-            " `harmonics_hz` of machines where loads are unmeasured; of an"
-            " edited set `edited_from`, `dropped` modes, and `decisions`, each with who made it, as"
-            " well; empty for others, and for sets of versions up to 0.2"
+            " `harmonics_hz` of machines and `amplitude`, the root mean square of the responses,"
+            " where loads are unmeasured; of an edited set `edited_from`, `dropped` modes, and"
+            " `decisions`, each with who made it, as well; empty for others, and for sets of versions up to 0.2"
         )
     )
     created_at: datetime

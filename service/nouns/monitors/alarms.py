@@ -4,7 +4,7 @@ by a later judgement. Each step is announced.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -89,13 +89,24 @@ def update_alarms(
     series: MonitorSeries,
     episodes: Sequence[Episode],
     within: tuple[datetime | None, datetime | None] = (None, None),
+    rebased: Mapping[str, str] | None = None,
 ) -> None:
     """Bring a monitor's alarms to what its series now says.
 
     An episode is the alarm that its campaign raised before, whichever series said so; else the
     oldest one of its parameter that has lost its campaign to a late or corrected one; else it is
     new. An alarm of a campaign within what was judged that no episode is left for is withdrawn.
+
+    Args:
+        session: the transaction, which holds the monitor's row.
+        monitor: whose.
+        series: the version that was judged.
+        episodes: what it says.
+        within: after which campaign, and up to which one, alarms were judged; None: all.
+        rebased: by parameter, in words, which campaigns its baseline has gained and lost by this
+            judgement.
     """
+    rebased = rebased or {}
     rows = session.scalars(
         select(Alarm)
         .where(Alarm.monitor_id == monitor.id, Alarm.state != "withdrawn")
@@ -108,7 +119,7 @@ def update_alarms(
     ]
     for episode in episodes:
         alarm = known.get((episode.parameter, episode.campaign)) or _adopt(
-            session, orphans, episode
+            session, orphans, episode, rebased.get(episode.parameter, "")
         )
         if alarm is None and episode.details is None:
             continue
@@ -128,6 +139,7 @@ def update_alarms(
     for alarm in orphans:
         if alarm.state != "cleared":
             why = f"series {series.number} as it stands now does not confirm it"
+            why += rebased.get(alarm.parameter, "")
             _step(session, monitor, alarm, "withdrawn", why)
     session.flush()
 
@@ -137,11 +149,12 @@ def _is_within(alarm: Alarm, after: datetime | None, end: datetime | None) -> bo
     return (after is None or at > after) and (end is None or at <= end)
 
 
-def _adopt(session: Session, orphans: list[Alarm], episode: Episode) -> Alarm | None:
+def _adopt(session: Session, orphans: list[Alarm], episode: Episode, rebased: str) -> Alarm | None:
     for alarm in orphans:
         if alarm.parameter == episode.parameter and alarm.state != "cleared":
             orphans.remove(alarm)
-            note = f"campaign {episode.campaign} raises it now; before it was {alarm.campaign_id}"
+            before = f"before it was {alarm.campaign_id}"
+            note = f"campaign {episode.campaign} raises it now; {before}{rebased}"
             alarm.campaign_id = UUID(episode.campaign)
             session.add(AlarmEvent(alarm_id=alarm.id, event="moved", note=note))
             session.flush()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from service.nouns.monitors.tables import Monitor, MonitorSeries
 
 MOST = 1000  # campaigns of a series that are shown where nobody states how many
+VALUES = 2000  # of all parameters together, so that an answer has some 1 MB
 EVERY = 10_000_000  # more than any series has
 PIECES = 400  # of a figure of one parameter; a screen has some 1,000 pixels
 
@@ -44,6 +45,13 @@ class Part:
     end: datetime | None = None  # up to this one
     limit: int = MOST  # at most so many of them
     stride: int | None = None  # every so many-th; None: as `limit` asks for
+    values: int | None = None  # at most so many, of all parameters together; None: any
+
+    def of(self, parameters: int) -> Part:
+        """The same of a series of so many parameters, with what its values leave of the limit."""
+        if self.values is None:
+            return self
+        return replace(self, limit=min(self.limit, max(1, self.values // max(parameters, 1))))
 
 
 def shown_runs(session: Session, series: MonitorSeries, part: Part) -> tuple[list[UUID], int, int]:

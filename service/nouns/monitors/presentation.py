@@ -17,7 +17,7 @@ from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaigns_of
 from service.nouns.monitors.judgements import last_judgement
 from service.nouns.monitors.points import Part, counts_of, extremes, points_of, shown_runs
-from service.nouns.monitors.runs import latest_runs, unit_of
+from service.nouns.monitors.runs import covariates_of, latest_runs, unit_of
 from service.nouns.monitors.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.nouns.monitors.tables import (
     Alarm,
@@ -58,6 +58,7 @@ def series_document(
             of the campaigns that are shown.
     """
     judged = series.document or {"state": "no data", "notes": [], "parameters": []}
+    part = part.of(len(judged["parameters"]))
     shown, total, stride = shown_runs(session, series, part)
     if parameter is not None and stride > 1:
         points = {parameter: extremes(session, series, monitor, parameter, part)}
@@ -153,7 +154,8 @@ def _campaigns(
     ):
         run = runs[row.id]
         of_run = _members(run, *OF_RUN)
-        of_campaign = _members(row, "name", "performed_at", "covariates", *CLIMATE)
+        of_campaign = _members(row, "name", "performed_at", *CLIMATE)
+        of_campaign["covariates"] = covariates_of(run, row)
         keys = {"campaign_id": str(row.id), "run_id": str(run.id)}
         shown.append({**keys, **of_campaign, "deleted": row.deleted_at is not None, **of_run})
     return shown
@@ -230,6 +232,7 @@ def flat_rows(
     members of their own names.
     """
     campaigns = campaigns_of(session, {point.campaign_id for point in points})
+    runs = latest_runs(session, series, list(campaigns))
     parameters = {row["name"]: row for row in (series.document or {"parameters": ()})["parameters"]}
     rows = []
     for point in points:
@@ -255,7 +258,7 @@ def flat_rows(
                 "score": judged.get("score"),
                 "outside": judged.get("outside"),
                 **{name: getattr(campaign, name) for name in CLIMATE},
-                **campaign.covariates,
+                **covariates_of(runs.get(point.campaign_id), campaign),
             }
         )
     return rows

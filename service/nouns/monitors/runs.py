@@ -19,7 +19,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from fecore import __version__
 from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.quantities import quantity_of
-from service.nouns.modes.operations import modes_of
+from service.nouns.modes.operations import amplitude_of, modes_of
 from service.nouns.monitors.candidates import Candidate
 from service.nouns.monitors.tables import Monitor, MonitorRun, MonitorSeries
 from service.nouns.structures.operations import structure_for
@@ -28,6 +28,7 @@ from service.platform.access import Lookup
 from service.platform.queue.tables import Job
 
 if TYPE_CHECKING:
+    from service.nouns.campaigns.operations import Campaign
     from service.nouns.modes.operations import Mode
 
 monitor_for = Lookup(Monitor, "monitor", "structure_id", structure_for)
@@ -65,14 +66,15 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
 
 
 def values_of_modes(session: Session, mode_set: UUID) -> dict[str, Any]:
-    """The same of a mode set: no parameters, (f, sd, ζ, sd) of each of its modes, and its key, by
-    which a judgement reads the shapes.
+    """The same of a mode set: no parameters, (f, sd, ζ, sd) of each of its modes, its key, by
+    which a judgement reads the shapes, and the amplitude of its recordings among `covariates`.
     """
     modes = [
         [mode.frequency_hz, mode.frequency_sd_hz, mode.damping_ratio, mode.damping_sd]
         for mode in modes_of(session, [mode_set])[mode_set]
     ]
-    return {"parameters": {}, "modes": modes, "mode_set": str(mode_set)}
+    measured = {"covariates": amplitude_of(session, mode_set)}
+    return {"parameters": {}, "modes": modes, "mode_set": str(mode_set), **measured}
 
 
 def _scale(session: Session, key: UUID) -> float | None:
@@ -137,6 +139,12 @@ def latest_runs(
         )
     )
     return {row.campaign_id: row for row in rows}
+
+
+def covariates_of(run: MonitorRun | None, campaign: Campaign) -> dict[str, float]:
+    """What is not climate: covariates as a campaign states them, before those that a run measured."""
+    own = {} if run is None or run.values is None else run.values.get("covariates", {})
+    return {**own, **campaign.covariates}
 
 
 def collect(session: Session, series: MonitorSeries) -> None:

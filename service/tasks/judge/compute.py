@@ -5,7 +5,7 @@ change point and rate, and the episodes of alarm, which the store turns into ala
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
@@ -31,6 +31,7 @@ from fecore.trend import (
 )
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.mode_series import EXACT, day_of
+from fecore.trend.series import came_late, late_note, listed
 from service.platform.queue.kinds import Reporter
 from service.tasks.judge.causes import causes_of, same_mode
 from service.tasks.judge.inputs import JudgementInputs, Observation
@@ -68,6 +69,10 @@ def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
     """Judge a series."""
     report("judging", 0.1)
     notes = list(inputs.notes)
+    came = inputs.observations
+    late = came_late([each.performed_at for each in came], [each.campaign for each in came])
+    in_order = sorted(came, key=lambda each: each.performed_at)
+    inputs = replace(inputs, observations=tuple(in_order))
     followed: list[dict[str, Any]] = []
     if inputs.of_modes:
         inputs, followed = _followed(inputs)
@@ -83,6 +88,8 @@ def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
     assessment = _assessment(series, inputs) if series else Assessment({})
     notes += assessment.notes
     trends = assessment.parameters
+    if late:
+        notes.append(_of_late(late, trends.values()))
     states = [trend.state for trend in trends.values()]
     states += [State.NO_DATA] * (len(inputs.watch.directions) - len(trends))
     state = worst(tuple(states)).value
@@ -100,6 +107,13 @@ def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
         place=inputs.place,
         within=(inputs.window.after, inputs.end),
     )
+
+
+def _of_late(late: Sequence[str], trends: Iterable[ParameterTrend]) -> str:
+    """That campaigns came late, and which of them are in a baseline."""
+    based = {label for each in trends if each.baseline for label in each.baseline.labels}
+    inside = [label for label in late if label in based]
+    return late_note(late) + (f", with {listed(inside)} in the baseline" if inside else "")
 
 
 def _followed(inputs: JudgementInputs) -> tuple[JudgementInputs, list[dict[str, Any]]]:

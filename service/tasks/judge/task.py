@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy.orm import Session
@@ -255,7 +255,7 @@ def _observations(
             values=values,
             covariates={
                 name: math.nan if value is None else float(value)
-                for name, value in entry.conditions.items()
+                for name, value in {**values.get("covariates", {}), **entry.conditions}.items()
             },
             shapes=shapes.get(UUID(values["mode_set"]), ()) if "mode_set" in values else (),
             run=str(entry.run_id),
@@ -304,6 +304,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[Judgement]) -> None:
         # a later version of the series is judged already, or nobody wants to know; this one stays
         # as it was
         return
+    rebased = _rebased(series.document, judgement.document)
     series.document, series.digest, series.assessed_at = (
         judgement.document,
         row.digest,
@@ -312,8 +313,36 @@ def _store(session: Session, job_id: UUID, items: Iterator[Judgement]) -> None:
     monitor.series = series.number
     keep_points(session, series, judgement.points)
     keep_tracks(session, series, judgement.followed, judgement.place)
-    update_alarms(session, monitor, series, judgement.episodes, judgement.within)
+    update_alarms(session, monitor, series, judgement.episodes, judgement.within, rebased)
     set_state(session, monitor, judgement.state)
+
+
+def _rebased(before: dict[str, Any] | None, after: dict[str, Any]) -> dict[str, str]:
+    """By parameter, in words, which campaigns a late or corrected one has brought into its baseline
+    and which it has put out.
+    """
+    was, now = (_baselines(document or {}) for document in (before, after))
+    words = {}
+    for name in was.keys() & now.keys():
+        parts = [
+            f"{listed(sorted(keys))} {where}"
+            for keys, where in (
+                (now[name] - was[name], "is in the baseline now"),
+                (was[name] - now[name], "no longer"),
+            )
+            if keys
+        ]
+        if parts:
+            words[name] = f": campaign {', '.join(parts)}"
+    return words
+
+
+def _baselines(document: dict[str, Any]) -> dict[str, set[str]]:
+    return {
+        row["name"]: set(row["baseline"]["campaign_ids"])
+        for row in document.get("parameters", ())
+        if row["baseline"] is not None
+    }
 
 
 TASK = JobKind("judge", load=_load, compute=judge, store=_store, libraries=CORE_LIBRARIES)
