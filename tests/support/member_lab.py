@@ -174,6 +174,10 @@ class Furnishing:
             self.jobs.append(f"{path.rstrip('s').rsplit('/', 1)[-1]}s/{found['id']}")
         return found
 
+    def cancel(self) -> None:
+        """End the newest job, which is there to be listed alone."""
+        self.api.post(f"{self.jobs.pop()}/cancel").raise_for_status()
+
     def ended(self) -> None:
         """Wait for all jobs."""
         for job in self.jobs:
@@ -289,6 +293,8 @@ class Furnishing:
                 "structures/{structure_id}/forecasts",
                 {"modes": 3, "damping_ratio": 0.01, "line_spacing_hz": 5},
             )
+            if name == "second_forecast_id":
+                self.cancel()
         for name in ("second_model_id", "model_id"):
             sent = MESH.replace("7.+10", "7.1+10") if name == "model_id" else MESH
             self.make(name, "structures/{bare_id}/model", content=sent.encode(), headers=RAW, params={
@@ -330,6 +336,7 @@ class Furnishing:
         for name in ("joint_id", "second_joint_id"):
             self.lab.ids[name] = self.made("update-jobs", joint)["joint"]["id"]
             self.jobs.append(f"joint-updates/{self.lab.ids[name]}")
+        self.cancel()
         watch = {
             "recipe": RECIPE,
             "parameters": [{"name": "Ex"}, {"name": "a0"}],

@@ -47,7 +47,7 @@ def result(drawn: Drawn) -> UpdateResult:
 
 
 @pytest.fixture(scope="module")
-def few_draws() -> Iterator[None]:
+def _few_draws() -> Iterator[None]:
     """A search by FRFs alone draws an eighth of its starts, for a module of tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(elastic_starts, "_DRAWN_BY_FRFS", 64)

@@ -24,7 +24,17 @@ from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
 
 @pytest.fixture(scope="module")
 def campaigns() -> list[Campaign]:
-    return panel(np.random.default_rng(3))
+    """Three strips."""
+    return panel(np.random.default_rng(3), pieces=3)
+
+
+@pytest.fixture(scope="module")
+def two() -> list[Campaign]:
+    """Strips along and across."""
+    return panel(np.random.default_rng(3), modes=6, pieces=2)
+
+
+IN_PLANE = tuple(each for each in MATERIAL_PARAMETERS if each.name in ("Ex", "Ey", "Gxy"))
 
 
 def frequencies(body: Specimen, count: int = 10) -> np.ndarray:
@@ -78,12 +88,11 @@ def test_one_rule_says_what_is_shared(campaigns: list[Campaign]) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("strips", [2, 3])
-def test_strips_and_a_plate_tell_what_none_tells_alone(
-    campaigns: list[Campaign], strips: int
-) -> None:
+def test_strips_and_a_plate_tell_what_none_tells_alone(strips: int) -> None:
     """What a joint update is for: intervals of the moduli that are less than a third of the
     priors', and hold the truth; in short of strips, in `tests/golden`.
     """
+    campaigns = panel(np.random.default_rng(3))
     together = update_campaigns([*campaigns[:strips], campaigns[3]])
     found = {p.name: p for p in together.parameters}
     for name in ("Ey", "Gxy", "nu_xy", "Gxz"):
@@ -101,12 +110,11 @@ def test_strips_and_a_plate_tell_what_none_tells_alone(
         assert sum(entry.share for entry in parameter.budget) == pytest.approx(1.0, abs=0.05)
 
 
-def test_the_odd_one_out_is_named_with_a_number() -> None:
+def test_the_odd_one_out_is_named_with_a_number(two: list[Campaign]) -> None:
     """A campaign of another material is the likeliest of all causes of a contradiction."""
     other = {**TRUTH, "Ex": 0.75 * TRUTH["Ex"], "Ey": 1.3 * TRUTH["Ey"], "Gxy": 1.3 * TRUTH["Gxy"]}
     stranger = measured(np.random.default_rng(8), "strip 45", STRIP, 45.0, truth=other, modes=6)
-    strip_0, strip_90, *_ = panel(np.random.default_rng(3), modes=6)
-    result = update_campaigns([strip_90, stranger, strip_0])
+    result = update_campaigns([two[1], stranger, two[0]])
     assert result.odd_one_out == "strip 45"
     (part,) = [part for part in result.campaigns if part.name == "strip 45"]
     assert part.contradicts
@@ -116,10 +124,9 @@ def test_the_odd_one_out_is_named_with_a_number() -> None:
     assert "campaign strip 45 as one of another material" in result.verdict.reasons[0]
 
 
-def test_scatter_between_specimens_widens() -> None:
-    two = panel(np.random.default_rng(3), modes=6)[:2]
-    one_material = update_campaigns(two, CampaignsRecipe(scatter=0))
-    scattering = update_campaigns(two, CampaignsRecipe(scatter=0.05))
+def test_scatter_between_specimens_widens(two: list[Campaign]) -> None:
+    one_material = update_campaigns(two, CampaignsRecipe(IN_PLANE, scatter=0))
+    scattering = update_campaigns(two, CampaignsRecipe(IN_PLANE, scatter=0.05))
     firm, loose = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering))
     assert one_material.discrepancy.scatter is None
     assert scattering.discrepancy.scatter is not None

@@ -191,7 +191,7 @@ def few(drawn: Drawn) -> Measurement:
 
 
 @pytest.fixture(scope="module")
-def joint(few: Measurement, few_draws: None) -> UpdateResult:
+def joint(few: Measurement, _few_draws: None) -> UpdateResult:
     return update(few, COARSE, JOINT)
 
 
@@ -216,7 +216,7 @@ def test_joint_update_takes_gaps_for_no_data(drawn: Drawn, joint: UpdateResult) 
         assert one.standard_deviation == pytest.approx(other.standard_deviation, rel=0.1), one.name
 
 
-@pytest.mark.usefixtures("few_draws")
+@pytest.mark.usefixtures("_few_draws")
 def test_joint_update_searches_with_the_law_asked_for(drawn: Drawn, few: Measurement) -> None:
     true = drawn.true
     joint = update(few, COARSE, Recipe(method="joint", damping_models=("generalised",)))

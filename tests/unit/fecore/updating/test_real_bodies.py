@@ -4,6 +4,7 @@ or boundary.
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,6 +16,12 @@ from tests.support.draws import LAW, NOMINAL, STATED, Truth, measured
 from tests.support.fits import at_prior, forward_model
 
 RAYLEIGH = Recipe(damping_models=("rayleigh",))
+
+
+@cache
+def usual(boundary: str = "cantilever") -> Measurement:
+    """A body that is as it is stated."""
+    return measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
 
 
 def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
@@ -57,7 +64,7 @@ def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
     drawing.
     """
     body = replace(STATED, divisions=(20, 2), **{name: stated})  # type: ignore[arg-type]
-    result = update(measured(Truth(), NOMINAL, np.random.default_rng(1)), body, RAYLEIGH)
+    result = update(usual(), body, RAYLEIGH)
     assert result.verdict.level == ("usable" if warning is None else "with_care")
     expected = [] if warning is None else [warning]
     assert len(result.verdict.reasons) == len(expected)
@@ -76,7 +83,7 @@ def test_frfs_of_another_quantity_give_the_same() -> None:
     named in place of a damping.
     """
     specimen = replace(STATED, boundary="free", divisions=(20, 2))
-    whole = measured(Truth(boundary="free"), NOMINAL, np.random.default_rng(1))
+    whole = usual("free")
     body = replace(whole, frfs=whole.frfs.select(list(range(2, 33, 5))))  # they are alike
     accelerance = update(body, specimen, RAYLEIGH)
     other = update(replace(body, frfs=body.frfs.to_quantity("mobility")), specimen, RAYLEIGH)
@@ -102,7 +109,7 @@ def test_a_free_specimen_stated_as_clamped_lacks_the_lowest_mode() -> None:
     """Its second mode is like the clamped one's, and Ex comes out right to some per cent: only what
     is missing shows it.
     """
-    body = measured(Truth(boundary="free"), NOMINAL, np.random.default_rng(1))
+    body = usual("free")
     short, lowest = (replace(body, frfs=body.frfs.band(5.0, hz)) for hz in (720.0, 560.0))
     result = update(lowest, replace(STATED, divisions=(20, 2)), RAYLEIGH)
     assert result.verdict.level == "do_not_use"

@@ -105,7 +105,7 @@ def test_derivatives_by_modes_agree_with_differences(body: Specimen) -> None:
 
 
 @pytest.fixture(scope="module")
-def modelled(nominal: Specimen, body: Specimen, few_draws: None) -> UpdateResult:
+def modelled(nominal: Specimen, body: Specimen, _few_draws: None) -> UpdateResult:
     state = at_prior(forward(body))
     typed, tour = (
         MeasuredModes(state.frequency_hz[:5] * 0.985, np.full(5, 0.02)),
