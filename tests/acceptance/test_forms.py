@@ -52,7 +52,7 @@ MATERIAL_OF_HITS = {
     "material/Gyz_Pa": 4.5,
     "material/nu_xy": 0.2,
 }
-MOST_CLICKS_OF_HITS, MOST_CLICKS_OF_A_DECK = 6, 8
+MOST_CLICKS_OF_HITS, MOST_CLICKS_OF_A_DECK = 7, 8
 
 
 def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:
@@ -81,11 +81,9 @@ def test_raw_hits_become_a_result_in_few_clicks(running: Browser, service: Local
         seen.fill("structure/geometry/", {**sizes, "thickness_m": 1e3 * beam["t"]})
         seen.fill("structure/", {**MATERIAL_OF_HITS, "density_kg_m3": beam["rho"]})
         seen.fill("campaign/", {"boundary": "cantilever"})
-        places = [
-            f"{n}\t{1e3 * x:.9g}\t{1e3 * y:.9g}"
-            for n, (x, y) in enumerate(truth["points"], start=1)
-        ]
-        seen.fill("", {"points": "\n".join(places)})
+        assert page.input_value("[name=points]") == ""
+        seen.click(f"button:text('Take the {len(truth['points'])} points of x, y')")
+        page.wait_for_selector("button:text('as far as the points of x, y reach'):visible")
         for n, name in enumerate(("force_V_per_N", "acceleration_V_per_m_s2")):
             seen.fill(f"channels/{n}/", {"sensitivity": known[name], "direction": 3})
         seen.fill("channels/1/", {"point": known["sensor_point"]})

@@ -154,7 +154,7 @@ function offer(input, ways) {
   };
   input.after(made("span", { className: "offer" }, ...ways.map(take)));
 }
-const short = (value) => Number(value.toPrecision(6));
+const sixDigits = (value) => Number(value.toPrecision(6));
 function offerPoints(form, { name, offers = [], reach_mm: reach }) {
   const { points } = form.elements;
   if (reach) offerSize(form, name, reach);
@@ -162,7 +162,7 @@ function offerPoints(form, { name, offers = [], reach_mm: reach }) {
     Object.entries(millimetres).map(([unit, size]) => [
       `Take the ${labels.length} points of ${array} in ${name}, in ${unit}`,
       () => {
-        const line = (place, i) => [labels[i], ...place.map((x) => short(x * size))].join("; ");
+        const line = (place, i) => [labels[i], ...place.map((x) => sixDigits(x * size))].join("; ");
         fill(points, places.map(line).join("\n"));
         offerSize(form, array, own.map((x) => x * size));
       },
@@ -171,7 +171,7 @@ function offerPoints(form, { name, offers = [], reach_mm: reach }) {
   if (ways.length) offer(points, ways);
 }
 function offerSize(form, name, reach) {
-  const [length, width] = reach.map(short);
+  const [length, width] = reach.map(sixDigits);
   if (!length || !width) return;
   for (const at of ["geometry", "shape"])
     offer(form.elements[`structure/${at}/length_m`], [

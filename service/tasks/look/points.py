@@ -4,14 +4,15 @@ their array, and taken by who sends the file.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fecore.quantities import QUANTITIES
 from modalbase.formats.records import Variables
-from modalbase.formats.units import factor_of, unit_beside
+from modalbase.formats.units import factor_of, unit_beside, unit_in_name
 
 _NAMES = ("point", "coord", "xyz", "node", "geom", "grid", "location", "position", "vertices")
 _LABELS = ("label", "point", "node", "id", "number")
@@ -31,7 +32,8 @@ class PointsOffer:
 
 
 def offers_of(variables: Variables, texts: Mapping[str, str], count: int) -> list[PointsOffer]:
-    """The arrays of n x 3 coordinates, or of n x 4 numbers that begin with a label.
+    """The arrays of n x 3 coordinates, or of n x 4 numbers that begin with a label; and arrays x, y
+    and perhaps z of n numbers each.
 
     Args:
         variables: the arrays of a file.
@@ -40,9 +42,24 @@ def offers_of(variables: Variables, texts: Mapping[str, str], count: int) -> lis
     """
     return [
         offer
-        for name, array in variables.items()
+        for name, array in [*variables.items(), *_side_by_side(variables)]
         if (offer := _offer(name, array, variables, texts, count)) is not None
     ]
+
+
+def _side_by_side(variables: Variables) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Coordinates in arrays of their own, under the names of all."""
+    vectors = {name: np.ravel(each) for name, each in variables.items() if each.dtype.kind in "fiu"}
+    for name, x in vectors.items():
+        parent, dot, own = name.rpartition(".")
+        bare = unit_in_name(own, "length")[0].strip()
+        if bare.lower() != "x" or x.size != max(variables[name].shape or (0,)):
+            continue
+        others = [parent + dot + own.replace(bare, chr(ord(bare) + k), 1) for k in (1, 2)]
+        there = [one for one in others if one in vectors and vectors[one].size == x.size]
+        if there[:1] == others[:1]:
+            columns = [x, *(vectors[one] for one in there), np.zeros(x.size)][:3]
+            yield ", ".join([name, *there]), np.column_stack(columns)
 
 
 def _offer(
@@ -50,7 +67,7 @@ def _offer(
 ) -> PointsOffer | None:
     if array.ndim != 2 or array.dtype.kind not in "fiu" or not np.all(np.isfinite(array)):
         return None
-    named = any(word in name.lower() for word in _NAMES)
+    named = ", " in name or any(word in name.lower() for word in _NAMES)
     rows = array.T if array.shape[1] not in (3, 4) and array.shape[0] == 3 else array
     labels = _as_labels(rows[:, 0]) if rows.shape[1] == 4 else None
     places = np.asarray(rows[:, -3:], dtype=float)
@@ -60,9 +77,10 @@ def _offer(
         return None
     if not named and len(places) != count:
         return None
-    unit = unit_beside(name, texts, "length")
+    reach = reach_of(places.tolist())
+    unit = unit_beside(name.partition(",")[0], texts, "length")
     factor = factor_of("length", unit) if unit else None
-    millimetres = {"m": _MM, "mm": 1.0} if factor is None else {unit: factor * _MM}
+    millimetres = _either(reach[0]) if factor is None else {unit: factor * _MM}
     beside = (
         numbers
         for other, one in among.items()
@@ -70,8 +88,16 @@ def _offer(
         if (numbers := _as_labels(np.ravel(one))) is not None
     )
     labels = labels or next(beside, tuple(range(1, len(places) + 1)))
-    return PointsOffer(name, labels, tuple(map(tuple, places.tolist())), millimetres,
-                       reach_of(places.tolist()))  # fmt: skip
+    return PointsOffer(name, labels, tuple(map(tuple, places.tolist())), millimetres, reach)
+
+
+def _either(length: float) -> dict[str, float]:
+    """Metres or millimetres, in which a length without a unit is a usual one; both where it is in
+    neither.
+    """
+    low, high = QUANTITIES["length"].usual or (0.0, np.inf)
+    units = {"m": _MM, "mm": 1.0}
+    return {one: size for one, size in units.items() if low <= length * size / _MM <= high} or units
 
 
 def _as_labels(column: NDArray[np.generic]) -> tuple[int, ...] | None:
