@@ -72,8 +72,8 @@ class Finding:
 class _Made(Finding):
     """A finding with what it was made of, which documents do not have."""
 
-    row: Row = field(kw_only=True, repr=False)
-    values: Mapping[str, object] = field(kw_only=True, repr=False)
+    row: Row = field(kw_only=True, repr=False, compare=False)
+    values: Mapping[str, object] = field(kw_only=True, repr=False, compare=False)
 
     def renamed(self, names: Mapping[str, str]) -> Finding:
         """The same with other names, by those that it has among its values."""
