@@ -251,7 +251,7 @@ class Link:
     """
 
     node: int  # the dependent node
-    # one node for a rigid link, three or more that span a plane for a mean, none for a support
+    # one node for a rigid link, two or more apart for a mean, none for a support
     independent: tuple[int, ...]
     # numbers (0 … 5) of the node's dofs that depend; the others stay its own, along the same axes
     dofs: tuple[int, ...] = ALL_DOFS
@@ -280,9 +280,11 @@ class Link:
 
         A mean moves as the rigid body that fits their displacements best, weights w and arms
         r from their centre: θ = J⁻¹Σw r × u with J = Σw(r²I − rrᵀ), u = Σwu/Σw + θ × (x − centre).
+        Displacements on a line t say nothing of the turn about it, which is that of the nodes: θ =
+        J⁺Σw r × u + ttᵀΣwθ.
 
         Raises:
-            InputError: the independent nodes of a mean lie on a line.
+            InputError: the independent nodes of a mean lie in one place.
         """
         places, here = nodes[list(self.independent)], nodes[self.node]
         matrices = np.zeros((len(places), 6, 6))
@@ -296,17 +298,21 @@ class Link:
             w = w / w.sum()
             r = places - w @ places
             J = np.einsum("i,ik,ik->", w, r, r) * np.eye(3) - np.einsum("i,ij,ik->jk", w, r, r)
-            if np.linalg.cond(J) > 1e12:
+            moments, axes = np.linalg.eigh(J)  # of a line the first is 0, and its axis t
+            if not moments[1] > 0:
                 raise InputError(
                     "links",
-                    f"the nodes that lead node {self.node} lie on a line; a mean needs three that"
-                    " do not",
+                    f"the nodes that lead the one at {here.round(6).tolist()} m lie in one place; a"
+                    " mean needs two that do not",
                 )
-            spin = np.linalg.inv(J) @ -np.array(
-                [wi * turning(ri) for wi, ri in zip(w, r, strict=True)]
-            )
-            matrices[:, 3:, :3] = spin
-            matrices[:, :3, :3] = w[:, None, None] * np.eye(3) + turning(here - w @ places) @ spin
+            is_line = moments[0] < moments[1] * 1e-12
+            inverse = np.linalg.pinv(J, rcond=1e-12, hermitian=True)
+            spin = inverse @ -np.array([wi * turning(ri) for wi, ri in zip(w, r, strict=True)])
+            turns = is_line * w[:, None, None] * np.outer(axes[:, 0], axes[:, 0])
+            matrices[:, 3:, :3], matrices[:, 3:, 3:] = spin, turns
+            arm = turning(here - w @ places)
+            matrices[:, :3, :3] = w[:, None, None] * np.eye(3) + arm @ spin
+            matrices[:, :3, 3:] = arm @ turns
         return np.asarray(self.dependent @ matrices)
 
 

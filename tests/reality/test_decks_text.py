@@ -314,3 +314,24 @@ def test_texts_that_are_refused_with_their_cure(deck: str, said: str) -> None:
 def test_equations_of_other_columns(text: str) -> None:
     model = imported("a.bdf", stick(more=text + " GRID,60,,0.,0.,0.\n"))
     assert model.notes()["DEQATN"] == ([32], False)
+
+
+def test_a_mean_of_an_edge_turns_with_it() -> None:
+    """RBE3 of the nodes of one edge, which lie on a line, carries a mass as RBE2 does."""
+    grids = "".join(
+        f"GRID,{3 * i + j + 1},,{50.0 * i},{25.0 * j},0.\n" for i in range(9) for j in range(3)
+    )
+    shells = "".join(
+        f"CQUAD4,{2 * i + j + 1},1,{3 * i + j + 1},{3 * i + j + 4},{3 * i + j + 5},{3 * i + j + 2}\n"
+        for i in range(8)
+        for j in range(2)
+    )
+    rest = (
+        "PSHELL,1,1,3.,1,,1\nMAT1,1,70000.,,.33,2.7-9\nSPC1,1,123456,1,2,3\n"
+        "GRID,90,,410.,25.,5.\nCONM2,91,90,,2.-4\n"
+    )
+    first, second = (
+        imported("a.bdf", f"{grids}{shells}{rest}{link}").frequencies(4)
+        for link in ("RBE3,92,,90,123456,1.,123456,25,26\n,27\n", "RBE2,92,90,123456,25,26,27\n")
+    )
+    np.testing.assert_allclose(first, second, rtol=3e-3)  # RBE2 holds the edge straight

@@ -209,7 +209,7 @@ class Sections:
         value = row.number(text, "the thickness")
         if not (0 < value < 1e9 or by_nodes):
             raise row.error(f"the thickness is {value:g}, expected a length above 0")
-        return value
+        return value if value > 0 else 1.0  # which the nodes' own takes the place of
 
     def _ply(
         self,

@@ -164,6 +164,7 @@ def test_rigid_link_and_mean_move_as_a_body() -> None:
     for link in (
         Link(number, (0,)),
         Link(number, (0, 1, 2, 3)),
+        Link(number, (0, 4, 1)),  # on a line
         Link(number, (0,), dofs=(0, 1, 2)),
     ):
         masses = (Mass(2.0, number, 0.01),)
@@ -177,8 +178,13 @@ def test_rigid_link_and_mean_move_as_a_body() -> None:
         arm = hub[0] - lone.nodes.mean(axis=0)
         own = turning(arm)[:, 2] @ turning(arm)[:, 2]
         assert shift[5, 5] > own * 2.0
-    bad = Structure(lone, section, masses=(Mass(2.0, number),), links=(Link(number, (0, 4, 1)),))
-    with pytest.raises(InputError, match="lie on a line"):
+    bad = Structure(
+        lone,
+        section,
+        masses=(Mass(2.0, number),),
+        links=(Link(number, (0, 0)),),
+    )
+    with pytest.raises(InputError, match="lie in one place"):
         _ = bad.model
 
 

@@ -147,6 +147,10 @@ def test_thickness_at_nodes() -> None:
     np.testing.assert_array_equal(
         model.elements[0].thickness, [[0.006, 0.005, 0.005, 0.006], [0.005, 0.005, 0.005, 0.005]]
     )
+    by_nodes = PLATE.replace("MATERIAL=GFRP\n0.005\n", "MATERIAL=GFRP, NODAL THICKNESS\n0.\n")
+    model = read(by_nodes.replace("*STEP", "*NODAL THICKNESS\nNALL, 0.006\n*STEP", 1))
+    assert np.unique(model.elements[0].thickness).tolist() == [0.006]
+    assert shell(model, "plate").plies[0].thickness > 0
 
 
 def beams(section: str, kind: str = "B31", element: str = "1, 1, 2") -> FiniteElementModel:
