@@ -57,6 +57,8 @@ MODELS = (
     ForeignFormat("a deck of LS-DYNA", _BY_PREPROCESSOR, ".k .key .dyn",
                   re.compile(rb"\s*(\$[^\n]*\n\s*)*\*KEYWORD\b", re.IGNORECASE)),
     ForeignFormat("a deck of Radioss", _BY_PREPROCESSOR, ".rad", re.compile(rb"\s*#RADIOSS")),
+    ForeignFormat("matrices of MATLAB or of Harwell and Boeing", "send K and M as Matrix Market (.mtx) or .npz, with nodes.csv",
+                  ".mat .hb .rb .rsa .rua .psa"),
     ForeignFormat("results of Nastran", "send the deck itself (.bdf), or its matrices (.pch)", ".op2 .op4 .f06 .xdb .master"),
     ForeignFormat("a file of Abaqus", "write its .inp", ".odb .cae .fil .sim"),
     ForeignFormat("geometry without elements", f"mesh its middle surfaces with shells, and export {_DECK}",
@@ -68,13 +70,16 @@ MODELS = (
 """Of models."""
 
 
-def refuse_foreign(head: bytes, name: str, table: Sequence[ForeignFormat]) -> None:
+def refuse_foreign(
+    head: bytes, name: str, table: Sequence[ForeignFormat], of: str = "the file"
+) -> None:
     """Refuse a file of a format that is not read.
 
     Args:
         head: its first bytes; none where its name alone is known.
         name: what its sender calls it.
         table: formats that it may have.
+        of: what the message calls it.
 
     Raises:
         FormatError: it has one of these; says which and what to export.
@@ -84,7 +89,7 @@ def refuse_foreign(head: bytes, name: str, table: Sequence[ForeignFormat]) -> No
         is_own = bool(suffix) and suffix in row.suffixes.split()
         by_name = is_own and (not head or b"\0" in head)
         if by_name or (row.opening and row.opening.match(head)):
-            raise FormatError("", f"the file is {row.title}, which is not read; {row.instead}")
+            raise FormatError("", f"{of} is {row.title}, which is not read; {row.instead}")
 
 
 def require_text(content: bytes, of: str) -> None:

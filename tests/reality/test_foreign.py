@@ -35,12 +35,21 @@ def test_measured_data(tmp_path: Path, name: str, content: bytes, said: str) -> 
         kept(path)
 
 
+def zipped(name: str, content: bytes) -> bytes:
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr(name, content)
+    return archive.getvalue()
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
         ("a.cdb", b"/COM,ANSYS RELEASE 2022\n/PREP7\n", "deck of Ansys.*Matrix Market"),
         ("a.dat", b"! made by hand\n/batch\n", "deck of Ansys"),
         ("a.inp", b"$ by a pre-processor\n*KEYWORD\n*NODE\n", "deck of LS-DYNA"),
+        ("a.mat", b"", "matrices of MATLAB.*Matrix Market"),
+        ("a.zip", zipped("K.mat", b"\0"), "K.mat is matrices of MATLAB.*Matrix Market"),
         ("a.op2", b"", "results of Nastran.*the deck itself"),
         ("a.stp", b"ISO-10303-21;\n", "geometry without elements"),
         ("a.mphtxt", b"# Created by COMSOL\n", "export bulk data"),

@@ -519,3 +519,11 @@ def test_text_that_is_no_uff_says_how_to_save_it(
     path.write_bytes(content)
     with pytest.raises(InputError, match=wanted):
         kept(path)
+
+
+def test_points_of_two_components_with_one_number_are_noted(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    path.write_bytes(named("plate", "plate", (2, 3, 1, 3)) + named("rib", "plate", (2, 3, 1, 3)))
+    items = kept(path)
+    assert "do two components number their points alike?" in notes_of(items, 2)
+    assert not notes_of(items, 1).count("components")

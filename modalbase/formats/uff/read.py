@@ -79,6 +79,7 @@ class _UffReading:
         self._units: dict[int, Units | Refusal] = {}
         self._geometry = Geometry()
         self._points: dict[int, GridPoint] = {}
+        self._names: dict[tuple[int, ...], tuple[int, tuple[str, str]]] = {}
 
     def stream(self) -> Iterator[Content | DatasetReport]:
         """Contents and reports, in the order of the file."""
@@ -230,6 +231,13 @@ class _UffReading:
                 raw, frame.number, self._units_for(frame), self._geometry, self._limits
             )
             notes += unplaced(raw)
+            other, names = self._names.setdefault(raw.dofs, (frame.number, raw.names))
+            if names != raw.names:
+                notes.append(
+                    f"dataset {other} has the same points and directions under the names"
+                    f" {', '.join(names)}, here they are {', '.join(raw.names)}: do two components"
+                    " number their points alike? Number them apart"
+                )
         else:
             content, notes = self._channels(raw, frame) or (function_of(raw, frame.number), [])
         return Parsed([content], [*raw.notes, *notes_on_names, *notes])

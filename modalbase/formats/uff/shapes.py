@@ -22,6 +22,7 @@ _ANALYSES = {
 }  # fmt: skip
 _REAL, _COMPLEX = (ORDINATE_TYPES[kind, False] for kind in "fc")
 _PER_ROW = 6
+_MUCH_DAMPED = 0.2  # a ratio above which per cent may have been written
 _WIDTH = 13
 _TRANSLATIONS, _WITH_ROTATIONS = 2, 3
 
@@ -140,6 +141,10 @@ def _normal_mode(
         )
     notes = []
     damping = viscous if viscous > 0 else float("nan")
+    if viscous > _MUCH_DAMPED:
+        notes.append(
+            f"its viscous damping ratio is {viscous:g}, {100 * viscous:g} %: were per cent written?"
+        )
     if viscous == 0 and 0 < hysteretic < 2:
         damping = hysteretic / 2
         notes.append(

@@ -8,6 +8,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import TypeVar
 
@@ -83,6 +84,8 @@ def unpacked(content: bytes, filename: str) -> Deck:
     }
     decks = [name for name in files if PurePosixPath(name).suffix.lower() in READERS]
     mains = [name for name in decks if PurePosixPath(name).name not in named]
+    for name, text in files.items() if not mains else ():
+        faults_of(partial(refuse_foreign, text[:_HEAD_BYTES] or b"\0", name, MODELS, name))
     if len(mains) != 1:
         raise Invalid(
             "file",

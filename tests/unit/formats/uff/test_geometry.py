@@ -210,6 +210,8 @@ def test_set_55(read: Read) -> None:
     reading = read(changed_55(7, "  1.00000e+01  0.00000e+00  0.00000e+00  4.00000e-02"))
     assert reading.of(ModeShape)[0].damping_ratio == 0.02
     assert "hysteretic damping ratio 0.04 taken as the viscous ratio 0.02" in reading.notes
+    reading = read(changed_55(7, "  1.00000e+01  0.00000e+00  8.00000e-01  0.00000e+00"))
+    assert "its viscous damping ratio is 0.8, 80 %: were per cent written?" in reading.notes
 
 
 def test_a_complex_mode_with_rotations_of_set_2414(read: Read) -> None:
