@@ -88,7 +88,7 @@ def main(folder: Path) -> None:
                 with watched_page(
                     running, service.url, width=width, height=height, dark=dark
                 ) as seen:
-                    signed_in(seen, key, "/ui/")
+                    signed_in(seen, key)
                     for number, path in enumerate(pages):
                         seen.visit(path)
                         for figure in seen.page.locator(

@@ -108,7 +108,7 @@ def test_a_structure_is_turned_zoomed_and_its_points_chosen(
 ) -> None:
     """What is drawn by WebGL is seen in its pixels alone."""
     with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
-        signed_in(seen, bracket["key"], "/ui/")
+        signed_in(seen, bracket["key"])
         page = opened(seen, bracket["structure"])
         legend = page.inner_text("[data-space-legend]")
         assert all(
@@ -129,14 +129,12 @@ def test_a_structure_is_turned_zoomed_and_its_points_chosen(
         )
         assert "points off the structure" in page.inner_text("[data-space-legend]")
         assert (hindrances(page), overflow(seen)) == ([], 0)
-        assert (seen.complaints, seen.strangers) == ([], [])
 
 
 def pane(page: Page, name: str) -> None:
     """Go to a pane, where a phone shows one at a time."""
-    button = page.locator(f".phone button:text-is('{name}')")
-    if button.is_visible():
-        button.click()
+    if page.evaluate("innerWidth") < 500:
+        page.click(f".phone button:text-is('{name}')")
 
 
 def said(page: Page) -> str:
@@ -271,7 +269,6 @@ def test_a_structure_is_solved_before_it_is_measured_and_a_deck_is_its_next_vers
         a_deck_is_sent(page)
         assert ok(api.get(f"structures/{structure}"))["version"] == 2
         assert hindrances(page) == []
-        assert (seen.complaints, seen.strangers) == ([], [])
 
 
 def a_deck_is_sent(page: Page) -> None:
@@ -307,4 +304,3 @@ def test_a_browser_without_webgl_has_a_still_picture(
         seen.page.wait_for_selector("[data-space][data-ready=still] svg circle")
         seen.page.locator("[data-shape] td").nth(1).click()
         until(lambda: "mode 1: 25 Hz" in said(seen.page), "the still shape")
-        assert seen.complaints == []

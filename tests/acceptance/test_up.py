@@ -29,11 +29,6 @@ from tests.support.rest import plain_client
 from tests.support.waiting import PATIENCE, until
 
 
-def part(up: psutil.Process, name: str) -> psutil.Process:
-    """The API (`serve`) or the worker of a running command."""
-    return next(child for child in up.children() if name in child.cmdline())
-
-
 def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
     short_folder: Path, empty_database: str
 ) -> None:
@@ -96,15 +91,8 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
         assert "/api/v1/projects" not in log.read_text()  # no line for each request
         assert "py.warnings" not in log.read_text()
     assert "services run here" not in modalbase_here("db", "current", **around).stderr
-    into_another_folder(file, short_folder / "copy")
-
-
-def into_another_folder(file: Path, copy: Path) -> None:
-    modalbase_here("restore", file, "--data", copy, code=0)
-    again = modalbase_here("restore", file, "--data", copy, code=1)
-    assert len(again.stderr.splitlines()) == 1
-    assert "the database is not empty" in again.stderr
-    wait_until_gone(copy)
+    modalbase_here("restore", file, "--data", short_folder / "copy", code=0, **around)
+    wait_until_gone(short_folder / "copy")
 
 
 def client(url: str, key: str) -> httpx.Client:
@@ -149,16 +137,15 @@ def same(one: bytes, other: bytes) -> bool:
 
 
 def the_parts_die(command: psutil.Process, data: Path, log: Path, url: str, key: str) -> None:
-    """The API, the worker and PostgreSQL, one after the other; each runs again."""
-    for name, said in (("serve", "the api"), ("worker", "the worker")):
-        part(command, name).kill()
-        line = f"modalbase: {said} runs again"
-        until(lambda line=line: line in log.read_text(), line, log.read_text)
-        assert status(url, key) == 200  # at the same address; a request in between waits
-        assert (
-            f"{said} was killed, perhaps for lack of memory; it is started again in 0.5 s"
-            in log.read_text()
-        )
+    """The API and PostgreSQL, one after the other; each runs again."""
+    next(child for child in command.children() if "serve" in child.cmdline()).kill()
+    line = "modalbase: the api runs again"
+    until(lambda: line in log.read_text(), line, log.read_text)
+    assert status(url, key) == 200  # at the same address; a request in between waits
+    assert (
+        "the api was killed, perhaps for lack of memory; it is started again in 0.5 s"
+        in log.read_text()
+    )
     postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
     psutil.Process(postmaster).kill()
     seen = {200}
@@ -170,7 +157,7 @@ def the_parts_die(command: psutil.Process, data: Path, log: Path, url: str, key:
 
 
 def test_what_dies_again_and_again_is_given_up(database: str) -> None:
-    """With one clear line, and everything ended."""
+    """With one clear line, and everything ended; twice before that it is started again."""
     with LocalService(
         Settings(database_url=database, port=0, log_level="error"), pauses=(0.0, 0.0)
     ) as service:

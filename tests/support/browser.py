@@ -177,8 +177,8 @@ def _context(running: Browser, url: str) -> BrowserContext:
 def watched_page(
     running: Browser, url: str, *, width: int = 1440, height: int = 900, dark: bool = False
 ) -> Iterator[Watched]:
-    """A page without cookies of others, of a reader who prefers reduced motion, and with a notebook
-    beside it.
+    """A page without cookies of others, of a reader who prefers reduced motion, with a notebook
+    beside it, in which no complaint and no other host may stand at the end.
 
     Args:
         running: the browser.
@@ -198,6 +198,8 @@ def watched_page(
     context.on("request", on_request)
     try:
         yield seen
+        noted = seen.complaints + seen.strangers
+        assert not noted, noted
     finally:
         context.remove_listener("request", on_request)
         for page in context.pages[1:]:
