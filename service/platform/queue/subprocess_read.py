@@ -21,7 +21,8 @@ MEMORY_BYTES = 1024 * 1024 * 1024
 SECONDS = 60.0
 AT_ONCE = 2
 
-Given, Made = ParamSpec("Given"), TypeVar("Made")
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
 _threads = CapacityLimiter(AT_ONCE)
 _modules: set[str] = set(CORE_LIBRARIES)
 """Of all that is read, which are loaded before children are forked: to load scipy or schemas in each
