@@ -527,3 +527,37 @@ def test_points_of_two_components_with_one_number_are_noted(tmp_path: Path) -> N
     items = kept(path)
     assert "do two components number their points alike?" in notes_of(items, 2)
     assert not notes_of(items, 1).count("components")
+
+
+def test_the_unit_in_the_name_of_an_axis(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    axes = {"ordinate": axis(12, name="Acceleration (g)"), "denominator": axis(13, name="F [N]")}
+    path.write_bytes(set_58(*rows(np.arange(1.0, 9.0)), kind=6, points=4, **axes))
+    (frf,) = frfs_in(kept(path))
+    np.testing.assert_allclose(values_of(frf)[0], (1 + 2j) * 9.80665)
+
+
+@pytest.mark.parametrize(
+    ("starts", "outcomes"),
+    [
+        ([0.0, 0.0, 5.0, 5.0], ["read"] * 4),
+        ([-0.5, -0.5, 0.0, 0.5], ["read", "read", "read", "refused"]),
+    ],
+)
+def test_blocks_of_a_hit_begin_together(
+    tmp_path: Path, starts: list[float], outcomes: list[str]
+) -> None:
+    path = tmp_path / "a.uff"
+    channels = [(1, axis(13, "N")), (2, axis(12, "m/s^2"))] * 2
+    blocks = [
+        set_58(
+            *rows(np.arange(1.0, 9.0)), kind=4, points=8, function=1, abscissa=axis(17, "s"),
+            ordinate=unit, response=(point, 3), reference=(1, 3), start=f"{start:.5e}", step="0.5",
+        )
+        for start, (point, unit) in zip(starts, channels, strict=True)
+    ]  # fmt: skip
+    path.write_bytes(b"".join(blocks))
+    found = load(path)
+    assert found.outcomes == outcomes
+    if "refused" in outcomes:
+        assert "export the channels of a hit over the same times" in found.reasons

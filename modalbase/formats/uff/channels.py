@@ -11,6 +11,7 @@ has its impulse response in the first half of its period, and that one is taken.
 stands out, the spectra are left alone.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -52,6 +53,7 @@ _DIMENSIONS: dict[Dimension, ChannelQuantity] = {
 _SECONDS = {**dict.fromkeys(("s", "sec", "second", "seconds", "", "none"), 1.0), "ms": 1e-3}
 # energy of the first half of the impulse response over the second, or the other way round
 _CAUSAL = 4.0
+_APART = 0.01  # of a sample, by which blocks of a hit may begin apart
 _ABOVE_ONE = 1.001
 _QUANTITY: dict[ChannelQuantity, Quantity] = {
     "acceleration": "accelerance",
@@ -92,6 +94,35 @@ def time_of(
     dofs = global_dofs(raw, geometry, notes)
     rate = float(f"{1 / (raw.axis.step * _SECONDS[unit]):.12g}")
     return TimeResponse(dataset, raw.id_lines[0], quantity, *dofs, rate, samples), notes
+
+
+@dataclass
+class Hits:
+    """Where the time blocks of each hit begin: the n-th block of a channel is of the n-th hit."""
+
+    _counts: Counter[tuple[object, ...]] = field(default_factory=Counter)
+    _begun: dict[tuple[int, int], tuple[int, float]] = field(default_factory=dict)
+    _struck: int = 0
+
+    def take(self, block: TimeResponse, axis: Axis) -> None:
+        """The next block of the file.
+
+        Raises:
+            Refusal: it begins apart from the others of its hit.
+        """
+        force = block.quantity == "force"
+        point = block.reference_point or (block.response_point if force else self._struck)
+        self._struck = point if force else self._struck
+        channel = (block.quantity, block.response_point, block.response_direction, point)
+        self._counts[channel] += 1
+        hit = point, self._counts[channel]
+        other, start = self._begun.setdefault(hit, (block.dataset, axis.start))
+        if abs(axis.start - start) > _APART * axis.step:
+            raise Refusal(
+                f"is a time block that begins at {axis.start:g}, and that of dataset {other}, of the"
+                f" same hit, at {start:g}; export the channels of a hit over the same times",
+                6,
+            )
 
 
 def spectrum_of(

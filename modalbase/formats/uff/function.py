@@ -21,6 +21,7 @@ from modalbase.formats.uff.content import (
 )
 from modalbase.formats.uff.scan import Frame, binary_header
 from modalbase.formats.uff.text import Cursor, Refusal, decoded, real_block, shown
+from modalbase.formats.units import NO_UNIT, unit_in_name
 
 _KINDS = {number: kind for kind, number in ORDINATE_TYPES.items()}
 _ABSURD_DECADES = 24.0
@@ -228,6 +229,8 @@ def _axis_description(cursor: Cursor) -> AxisDescription:
             name, unit = (
                 decoded(part) for part in re.split(rb"\s{2,}", row[25:].strip(), maxsplit=1)
             )
+    if unit.lower() in NO_UNIT:  # some programs write it into the name
+        unit = unit_in_name(name)[1] or unit
     return AxisDescription(kind, exponents, name, unit)
 
 

@@ -13,6 +13,7 @@ from modalbase.formats.uff.channels import (
     AUTO_SPECTRUM,
     CROSS_SPECTRUM,
     TIME_RESPONSE,
+    Hits,
     spectrum_of,
     time_of,
 )
@@ -79,6 +80,7 @@ class _UffReading:
         self._units: dict[int, Units | Refusal] = {}
         self._geometry = Geometry()
         self._points: dict[int, GridPoint] = {}
+        self._hits = Hits()
         self._names: dict[tuple[int, ...], tuple[int, tuple[str, str]]] = {}
 
     def stream(self) -> Iterator[Content | DatasetReport]:
@@ -247,7 +249,10 @@ class _UffReading:
         function.
         """
         if raw.function_type == TIME_RESPONSE:
-            return time_of(raw, frame.number, self._units_for(frame), self._geometry)
+            block = time_of(raw, frame.number, self._units_for(frame), self._geometry)
+            if block is not None:
+                self._hits.take(block[0], raw.axis)
+            return block
         if raw.function_type in (AUTO_SPECTRUM, CROSS_SPECTRUM):
             return spectrum_of(raw, frame.number, self._units_for(frame), self._geometry)
         return None
