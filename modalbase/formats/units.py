@@ -272,6 +272,13 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
 _BESIDE = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")
 
 
+_ATTRIBUTES = tuple(
+    spelled
+    for end in ("unit", "units", "unit_string")
+    for spelled in (end, end.title(), end.upper())
+)
+
+
 def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
     """The unit that a file states of an array, in a text beside it or in the array's name; "" where
     it states none. One of another quantity that a whole structure has is not the array's.
@@ -287,7 +294,7 @@ def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None =
         if (text := texts.get(f"{within}{end}", ""))
         and (quantity is None or factor_of(quantity, text) is not None)
     ]
-    attributes = [f"{name}@{end}" for end in ("unit", "units", "unit_string")]  # of a dataset
+    attributes = [f"{name}@{end}" for end in _ATTRIBUTES]  # of a dataset
     alone = [
         texts.get(at, "") for at in (f"{within}{own}_unit", f"{within}{own}_units", *attributes)
     ]

@@ -361,3 +361,60 @@ def test_what_cannot_be_read_of_a_tdms_is_refused_in_words(tmp_path: Path) -> No
         Invalid, match="it is damaged, or scaled in a way that is not known here; export it anew"
     ):
         kept(path, dry_run=True)
+
+
+SECONDS = np.arange(64) / 2048
+HIT, ANSWER = np.eye(1, 64, 3)[0], np.sin(np.arange(64.0))
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        lambda late: {
+            "Hammer": {"t": SECONDS, "y": HIT, "units": "N"},
+            "Acc": {"t": SECONDS + late, "y": ANSWER, "units": "g"},
+        },
+        lambda late: {
+            "Hammer": {"x": {"start_value": 0.0}, "y": {"values": HIT, "unit": "N"}},
+            "Acc": {"x": {"start_value": late}, "y": {"values": ANSWER, "unit": "g"}},
+        },
+        lambda late: {
+            "Data1_Hammer": HIT,
+            "Data1_time_Hammer": SECONDS,
+            "Data1_Acc": ANSWER,
+            "Data1_time_Acc": SECONDS + late,
+        },
+    ],
+)
+def test_arrays_on_two_clocks_are_refused(tmp_path: Path, arrays: Any) -> None:
+    for late in (0.0, 0.01):
+        savemat(path := tmp_path / "two.mat", arrays(late))
+        mapping = {**placed(proposed(path), unit="g"), "sample_rate_hz": 2048}
+        mapping["channels"][0].update(unit="N")
+        for channel in mapping["channels"]:
+            channel.pop("sensitivity", None)
+        if late:
+            assert "export them over the same times" in fault_of(path, mapping)
+        else:
+            assert len(blocks_in(kept(path, mapping))) == 2
+
+
+def test_packed_numbers_and_tables_of_hdf5(tmp_path: Path) -> None:
+    """Integers with the `scale_factor` and `add_offset` of netCDF, and a dataset of columns."""
+    h5py = pytest.importorskip("h5py")
+    packed, columns = tmp_path / "packed.h5", tmp_path / "columns.h5"
+    with h5py.File(packed, "w") as file:
+        for name, values, unit in (("Hammer", HIT, "N"), ("Acc", ANSWER, "g")):
+            own = file.create_dataset(name, data=np.round(values * 1000 - 500).astype(np.int16))
+            own.attrs.update({"Unit": unit, "scale_factor": 1e-3, "add_offset": 0.5})
+    table = np.rec.fromarrays([HIT, ANSWER], names="hammer,acc")
+    with h5py.File(columns, "w") as file:
+        file["daq"] = table
+    for path in (packed, columns):
+        mapping = {**placed(proposed(path), unit="g"), "sample_rate_hz": 2048}
+        mapping["channels"][0].update(unit="N")
+        for channel in mapping["channels"]:
+            channel.pop("sensitivity", None)
+        force, response = blocks_in(kept(path, mapping))
+        np.testing.assert_allclose(force.samples, HIT, atol=1e-6)
+        np.testing.assert_allclose(response.samples, 9.80665 * ANSWER, atol=1e-2)

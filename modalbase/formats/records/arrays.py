@@ -24,6 +24,7 @@ MOST_COLUMNS = 1000
 """Of a matrix whose columns are channels."""
 _COLUMN = re.compile(r"(.+) column ([1-9]\d*)", re.DOTALL)
 _RATES = ("fs", "sr", "samplerate", "samplingrate", "samplingfrequency")
+_STARTS = ("start_value", "xstart", "x0", "t0", "start_time")
 UNEVEN = 1e-3
 """By which the steps of a time axis may differ, of their mean."""
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
@@ -99,6 +100,60 @@ NO_NUMBERS: Mapping[str, np.ndarray[Any, Any]] = MappingProxyType({})
 def single_numbers(variables: Variables) -> Variables:
     """The variables that are one number, which no channel is."""
     return {n: each for n, each in variables.items() if each.size == 1 and each.dtype.kind in "iuf"}
+
+
+def require_one_clock(variables: Variables, names: Iterable[str]) -> None:
+    """Refuse channels whose own time axes, or starts, differ: `Acc.t` and `Hammer.t`, or
+    `Data1_time_Acc` of `Data1_Acc`.
+
+    Raises:
+        FormatError: as said; names both.
+    """
+    axes = {name: own for name in names if (own := _axis_of(variables, name)) is not None}
+    first = next(iter(axes.values()), "")
+    for name, axis in axes.items():
+        one, other = (np.ravel(variables[own]).astype(float) for own in (first, axis))
+        step = 0.01 * (one[-1] - one[0]) / (one.size - 1) if one.size > 1 else 1e-6
+        if one.size != other.size or np.any(np.abs(one - other) > step):
+            raise FormatError(
+                axis,
+                f"begins {name} at {other[0]:.6g} with {other.size} values, and {first} says"
+                f" {one[0]:.6g} and {one.size}; the channels of a hit are on one clock: export them"
+                " over the same times",
+            )
+
+
+def _axis_of(variables: Variables, name: str) -> str | None:
+    """The time axis or start that stands beside a channel, within its structures or by its
+    name.
+    """
+    own = array_of(name)
+    size = max(np.shape(variables.get(own, 0)), default=0)
+    parts = own.split(".")
+    for depth in range(len(parts) - 1, 0, -1):
+        inside = [v for v in variables if v.startswith(".".join(parts[:depth]) + ".") and v != own]
+        if axes := [v for v in inside if _is_axis(variables[v], size)]:
+            return axes[0] if len(axes) == 1 else None
+        if starts := [v for v in inside if _is_start(v, variables[v])]:
+            return starts[0]
+    named = (v for v in variables if re.sub(r"_?time", "", v, count=1, flags=re.IGNORECASE) == own)
+    return next((v for v in named if v != own and _is_axis(variables[v], size)), None)
+
+
+def _is_axis(array: np.ndarray[Any, Any], size: int) -> bool:
+    """Whether it is a vector of so many values that rise evenly."""
+    if array.size != size or size < 3 or max(array.shape) != size or array.dtype.kind != "f":
+        return False
+    steps = np.diff(np.ravel(array))
+    return bool(
+        np.all(steps > 0) and np.ptp(steps) <= 2 * UNEVEN * steps.mean() + 1e-6 * array.max()
+    )
+
+
+def _is_start(name: str, array: np.ndarray[Any, Any]) -> bool:
+    return (
+        array.size == 1 and array.dtype.kind in "fiu" and name.rpartition(".")[2].lower() in _STARTS
+    )
 
 
 def described(array: np.ndarray[Any, Any]) -> str:

@@ -68,8 +68,14 @@ def hdf5_arrays(path: Path, limit_bytes: int | None) -> Variables:
                 raise FormatError(
                     name, f"declares {declared} bytes, more than the {limit_bytes} that are allowed"
                 )
-            if (values := whole(name, dataset)) is not None:
+            values = whole(name, dataset)
+            if values is not None:
                 arrays[name] = values
+            elif (fields := dataset.dtype.names) and dataset.size:  # a table, column by column
+                with in_one_line(name):
+                    rows = dataset[()]
+                columns = {f"{name}.{field}": _readable(rows[field]) for field in fields}
+                arrays |= {own: array for own, array in columns.items() if array is not None}
         return arrays | attributes(file)
 
 
@@ -130,7 +136,7 @@ def _rows(
     for k in sides:
         where[k] = slice(first, first + count) if k == time else slice(low, high)
     with in_one_line(name):
-        block = np.asarray(dataset[tuple(where)])
+        block = _scaled(dataset, np.asarray(dataset[tuple(where)]))
     rows = block.reshape(count, -1).T if time == sides[0] else block.reshape(-1, count)
     return {column: rows[column - low] for column in columns}
 
@@ -216,7 +222,17 @@ def whole(name: str, dataset: Any) -> np.ndarray[Any, Any] | None:
     with in_one_line(name):
         if dataset.dtype.kind in "OS" and dataset.size > _SMALL:
             return None
-        return _readable(np.asarray(dataset[()]))
+        values = _readable(np.asarray(dataset[()]))
+        return values if values is None else _scaled(dataset, values)
+
+
+def _scaled(dataset: Any, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Numbers that are stored packed, as netCDF has them: times `scale_factor` plus `add_offset`."""
+    factor, offset = (dataset.attrs.get(name) for name in ("scale_factor", "add_offset"))
+    if values.dtype.kind not in "fiu" or (factor is None and offset is None):
+        return values
+    factor, offset = (1.0 if factor is None else factor), (0.0 if offset is None else offset)
+    return np.asarray(values * np.float64(np.squeeze(factor)) + np.float64(np.squeeze(offset)))
 
 
 def _readable(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:

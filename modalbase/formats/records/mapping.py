@@ -31,6 +31,7 @@ from modalbase.formats.records.arrays import (
     Variables,
     is_named,
     real,
+    require_one_clock,
     sampling_rate,
     variable,
 )
@@ -279,6 +280,7 @@ def blocks_of(
     if not mapping.archived:
         tables = {c.variable: _in_si(_measured(tables[c.variable], c), c) for c in mapping.channels}
         _refuse_copies(tables)
+    require_one_clock(variables, tables)
     shapes = {name: table.shape for name, table in tables.items()}
     if len(set(shapes.values())) > 1:
         listed = ", ".join(

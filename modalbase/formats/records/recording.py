@@ -22,6 +22,7 @@ from modalbase.formats.records.arrays import (
     channels_of,
     described,
     rate_among,
+    require_one_clock,
     sampling_rate,
     single_numbers,
     variable,
@@ -128,6 +129,7 @@ class Arrays:
         Raises:
             FormatError: they differ in length, or it is no rate.
         """
+        require_one_clock(self.variables, names)
         first, *others = (variable(self.variables, name) for name in names)
         length = first.size
         for name, array in zip(names, (first, *others), strict=True):
