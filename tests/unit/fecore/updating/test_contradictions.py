@@ -29,7 +29,7 @@ LONG, SHORT = (0.30, 0.03, 0.005), (0.25, 0.03, 0.005)
 @cache
 def strips(seed: int) -> tuple[Campaign, Campaign]:
     random = np.random.default_rng([36, seed])
-    return measured(random, "a", LONG, 0.0), measured(random, "b", SHORT, 0.0)
+    return measured(random, "a", LONG, 0.0, modes=7), measured(random, "b", SHORT, 0.0, modes=7)
 
 
 def coupons(factor: float = 1.0, error: float = 0.05 / 5**0.5) -> list[Coupon]:

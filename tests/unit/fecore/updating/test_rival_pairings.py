@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
@@ -26,7 +27,7 @@ from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
 from fecore.updating.forward import ForwardModel, ForwardState, exchanged, pair_fixed, partners_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
 from fecore.updating.result import ParameterEstimate, UpdateResult
@@ -48,7 +49,10 @@ def typed(*hz: float) -> MeasuredModes:
 
 
 def updated(*hz: float) -> tuple[UpdateResult, dict[str, ParameterEstimate]]:
-    result = update(Measurement(None, {}, typed(*hz)), STRIP)
+    few = Recipe(
+        parameters=tuple(map(Parameter, ("Ex", "Gxy", "Gxz"))), damping_models=("rayleigh",)
+    )
+    result = update(Measurement(None, {}, typed(*hz)), replace(STRIP, divisions=(14, 2)), few)
     return result, {each.name: each for each in result.parameters}
 
 
