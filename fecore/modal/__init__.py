@@ -4,13 +4,16 @@ probability.
 In the order of the data:
 
 - `findings`: all that can be said of FRFs and of their modes, one table.
-- `arrangement`: FRFs on one axis, in positive directions, a roving side and a fixed side.
+- `arrangement`: FRFs on one axis, in positive directions, a roving side and a fixed side; the
+  octaves of a band; linear estimates of poles.
 - `prepare`: what can be used of them, and how noisy each value is.
-- `series`: the modal series, and its coefficients in all FRFs by linear least squares.
+- `series`: the modal series, its coefficients in all FRFs by linear least squares, and which more
+  poles lower the misfit.
 - `judge`: what speaks for a pole being a mode, and one probability of that.
-- `refine`: fits at given poles, at the poles of least misfit, and the errors of these.
-- `candidates`: the few combinations of many FRFs; linear estimates of poles.
-- `search`: which poles FRFs need, and how the structure drifted between the tests.
+- `refine`: fits at given poles, at the poles of least misfit, and the errors of these; which poles
+  may be modes.
+- `search`: the few combinations of many FRFs; which poles these need, and how the structure
+  drifted between the tests.
 - `shapes`: residues to shapes; two modes under one pole.
 - `result`: what an identification hands on, and what a user should know of it.
 - `identify`: `identify`, all of it in numbered steps, and `shapes_at_poles` for known poles.

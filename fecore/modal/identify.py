@@ -15,19 +15,16 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
-from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.candidates import clusters, linear_estimates
+from fecore.modal.arrangement import Arrangement, arrange, clusters, linear_estimates, octaves
 from fecore.modal.findings import finding, not_used
-from fecore.modal.judge import REFUSED, evidence_of, judge, no_mode_message, plausible
+from fecore.modal.judge import REFUSED, evidence_of, judge, no_mode_message
 from fecore.modal.prepare import noise_of, prepare
 from fecore.modal.refine import (
     ErrorModel,
     LinearFit,
-    linear_fit,
-    memory,
+    plausible,
     refine,
     reweighted_fit,
-    shared_error,
     student,
 )
 from fecore.modal.result import (
@@ -50,11 +47,10 @@ from fecore.modal.search import (
     aligned_search,
     forward_selection,
     joined,
-    octaves,
     with_stated,
     without_spurious,
 )
-from fecore.modal.series import DAMPING_RANGE, Terms, one_minus_leverage
+from fecore.modal.series import DAMPING_RANGE, Terms, one_minus_leverage, shared_error
 from fecore.modal.shapes import Shapes, of_rank_two, separate_close_modes, shapes_from_residues
 from fecore.modes import MeasuredModes
 
@@ -214,23 +210,24 @@ def identify(
         raise IdentificationError(no_mode_message(arrangement, verdict.refused, full))
     rather_not = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
     rather_not &= verdict.probability < 0.5
-    others = linear_fit(arrangement, fit.terms.some(~rather_not), fit.variance)
     shared = shared_error(arrangement, fit)
     # what poles that are rather no modes take up, and the background, is error too
-    shared[~rather_not] = np.maximum(shared[~rather_not], shared_error(arrangement, others))
-    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model)
+    others = shared_error(arrangement, fit.without(arrangement, rather_not))
+    shared[~rather_not] = np.maximum(shared[~rather_not], others)
     changes = (
         np.log(fit.terms.frequency_hz / start.frequency_hz),
         fit.terms.damping_ratio - start.damping_ratio,
     )
     shift = None if growth is None else growth.shift
-    errors = ErrorModel(tau, arrangement.session, shared, np.concatenate(changes), shift)
+    errors = ErrorModel(
+        fit.residual_memory, arrangement.session, shared, np.concatenate(changes), shift
+    )
     fit = replace(fit, errors=errors)
     fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
-    not_linear = moved_by_height(fit, verdict.kept)
     significance = fit.gains / (fit.pole_price * fit.memory)
     # 12. Separate.
-    fit, old, separated = separate_close_modes(arrangement, fit, verdict.kept)
+    poles = verdict.kept
+    fit, old, separated = separate_close_modes(arrangement, fit, poles)
     verdict = verdict.of(old, fit.terms.frequency_hz)
     # 13. Shapes.
     kept, f, zeta = verdict.kept, fit.terms.frequency_hz, fit.terms.damping_ratio
@@ -261,6 +258,7 @@ def identify(
     of_modes = remarks(
         arrangement, fit, kept=kept, shapes=shapes, share=evidence.share[old], doubt=doubt, two=two
     )
+    not_linear = moved_by_height(fitted.fit, poles)
     of_interference, of_outliers = left_out(arrangement, toned, outliers)
     return Identification(
         found=IdentifiedPoles(

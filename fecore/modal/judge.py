@@ -48,7 +48,7 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.series import BESIDE, NEAR, Terms, curves_alike
+from fecore.modal.series import BESIDE, NEAR, Terms
 
 if TYPE_CHECKING:
     from fecore.modal.refine import LinearFit
@@ -79,14 +79,7 @@ _REASONS = 3  # features that are said of a pole
 REFUSED = 0.1
 """Probability below which a pole is refused."""
 
-HARDLY = 0.02
-"""Probability below which a pole is not refined."""
-
-HOPELESS = 0.001
-"""... where it is new."""
-
 _NONE = np.empty(0, dtype=np.int64)
-_WORTH = 30.0  # times its price that a pole gains which may stay all the same
 
 PRIOR_MEAN = np.array([3.2, 1.15, 6.9, 1.0, 9.6, 4.0, 1.0, 1.0])
 """Of b₀ … b₇: constant, rise, share, damping, apart, shape, reach, growth."""
@@ -326,6 +319,12 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     return np.asarray(trend)
 
 
+def curves_alike(pole: ComplexArray, others: ComplexArray) -> FloatArray:
+    """(n, m) MAC of the resonance curves of poles and others, 4σ_kσ_j/|s_k + s̄_j|², σ = ζω."""
+    both = np.abs(pole[:, None] + others.conj()) ** 2
+    return np.asarray(4 * np.outer(pole.real, others.real) / both)
+
+
 def _curves(terms: Terms, height: FloatArray) -> FloatArray:
     """(n, n) C of the resonance curves of each pole and each larger one, 0 of others."""
     alike = curves_alike(terms.poles, terms.poles)
@@ -520,30 +519,6 @@ def no_mode_message(arrangement: Arrangement, refused: tuple[RefusedPole, ...], 
         + "Try a band around a resonance, more averages, or a higher order; check that responses"
         " and forces are not swapped, and that the imaginary part has the sign of exp(+iωt)."
     )
-
-
-def count_modes(arrangement: Arrangement, fit: LinearFit) -> int:
-    """Number of the poles that are not refused."""
-    return int(np.sum(_in_band(arrangement, fit)[0] >= REFUSED))
-
-
-def plausible(arrangement: Arrangement, fit: LinearFit, least: float = HARDLY) -> BoolArray:
-    """(n,) poles that may be modes, stand out of band, or hide most of what is beside them: of the
-    last as many as there are others.
-    """
-    p, poor = _in_band(arrangement, fit)
-    poor &= p < least
-    worth = np.where(poor, fit.gains / fit.pole_price, 0.0)
-    strong = np.argsort(-worth, kind="stable")[: int(np.sum(p >= least))]
-    poor[strong[worth[strong] > _WORTH]] = False
-    return ~poor
-
-
-def _in_band(arrangement: Arrangement, fit: LinearFit) -> tuple[FloatArray, BoolArray]:
-    """(n,) P of each pole, 0 out of band and of tones, and which ones these are not."""
-    evidence = evidence_of(arrangement, fit)
-    within = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
-    return np.where(within, probability(evidence, fit.terms.damping_ratio), 0.0), within
 
 
 def spurious(arrangement: Arrangement, fit: LinearFit) -> BoolArray:

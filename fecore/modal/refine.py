@@ -40,12 +40,11 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
-from fecore.modal.arrangement import MANY, Arrangement
-from fecore.modal.judge import HARDLY, Growth, plausible
+from fecore.modal.arrangement import MANY, WHOLE, Arrangement
+from fecore.modal.judge import REFUSED, Growth, evidence_of, probability
 from fecore.modal.series import (
-    NEAR,
+    PRICE,
     VAGUE,
-    WHOLE,
     Coefficients,
     Terms,
     Weights,
@@ -54,6 +53,7 @@ from fecore.modal.series import (
     columns,
     derivatives,
     expanded,
+    memory,
     missing_slopes,
     normal_columns,
     real_part,
@@ -62,9 +62,6 @@ from fecore.modal.series import (
     spectrum,
     stacked,
 )
-
-PRICE = 2.0
-"""Of an unknown (Akaike)."""
 
 PASSES = 2
 """Turns of two estimates that each need the other, a variance and a fit: the first fit's own is too
@@ -75,6 +72,14 @@ EXPONENTS = tuple(range(-3, 3))
 """Powers of iω of the receptance that stand for the modes outside the band and for rigid body
 motion with its damping.
 """
+
+HARDLY = 0.02
+"""Probability below which a pole is not refined."""
+
+HOPELESS = 0.001
+"""... where it is new."""
+
+_WORTH = 30.0  # times its price that a pole gains which may stay all the same
 
 # half bandwidths by which a pole is off over the relative error that all FRFs share
 _SHIFT = 4.0
@@ -87,9 +92,6 @@ _FREEDOM = 8.0  # of Student's law
 
 OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
 """|r|² over its variance v/u from which a value's weight u is below 0.1."""
-
-_STILL = 0.05  # correlation below which the sum ends
-_CAP = 3.0  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -137,9 +139,18 @@ class LinearFit:
         """(N, L) fitted FRFs."""
         return np.asarray(self.background + self.part(np.arange(self.terms.columns)))
 
+    @cached_property
+    def residual_memory(self) -> float:
+        """Number of lines of the residual that are worth one, see `memory`."""
+        return memory(self.residual, self.variance, self.weight > 0, self.model)
+
     def part(self, which: IntArray) -> ComplexArray:
         """(N, L) what some of the terms' columns make of the FRFs."""
         return expanded(self.linear.coefficients[:, which], self.linear.basis[:, which])
+
+    def without(self, arrangement: Arrangement, gone: BoolArray) -> LinearFit:
+        """The fit to FRFs without some poles and background, under the same variance."""
+        return linear_fit(arrangement, self.terms.some(~gone), self.variance, self.weights)
 
 
 def gains(c: FloatArray, spread: FloatArray, share: FloatArray, pairs: int) -> FloatArray:
@@ -258,6 +269,16 @@ def with_residual_terms(arrangement: Arrangement, terms: Terms) -> Terms:
     """The terms with all residual terms that the lines carry, fewer where these are few."""
     lines = int(arrangement.measured.sum(axis=1).min())
     return replace(terms, exponents=EXPONENTS if lines >= 8 * len(EXPONENTS) else (-2, 0))
+
+
+def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
+    """The terms with more poles, rad/s."""
+    new = Terms.at(pole)
+    return replace(
+        terms,
+        frequency_hz=np.append(terms.frequency_hz, new.frequency_hz),
+        damping_ratio=np.append(terms.damping_ratio, new.damping_ratio),
+    )
 
 
 @dataclass(frozen=True)
@@ -508,6 +529,30 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
     )
 
 
+def plausible(arrangement: Arrangement, fit: LinearFit, least: float = HARDLY) -> BoolArray:
+    """(n,) poles that may be modes, stand out of band, or hide most of what is beside them: of the
+    last as many as there are others.
+    """
+    p, poor = _in_band(arrangement, fit)
+    poor &= p < least
+    worth = np.where(poor, fit.gains / fit.pole_price, 0.0)
+    strong = np.argsort(-worth, kind="stable")[: int(np.sum(p >= least))]
+    poor[strong[worth[strong] > _WORTH]] = False
+    return ~poor
+
+
+def _in_band(arrangement: Arrangement, fit: LinearFit) -> tuple[FloatArray, BoolArray]:
+    """(n,) P of each pole, 0 out of band and of tones, and which ones these are not."""
+    evidence = evidence_of(arrangement, fit)
+    within = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
+    return np.where(within, probability(evidence, fit.terms.damping_ratio), 0.0), within
+
+
+def count_modes(arrangement: Arrangement, fit: LinearFit) -> int:
+    """Number of the poles that are not refused."""
+    return int(np.sum(_in_band(arrangement, fit)[0] >= REFUSED))
+
+
 def refined_modes(
     arrangement: Arrangement,
     fit: LinearFit,
@@ -584,54 +629,3 @@ def student(
         )
         weight = (_FREEDOM + 2) / (_FREEDOM + 2 * np.abs(residual) ** 2 / v)
     return np.asarray(v / np.minimum(weight, 1.0))
-
-
-def memory(
-    residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray
-) -> float:
-    """τ, the number of lines that are worth one, from the correlation of the standardised residual;
-    at least 1.
-
-    The error is taken relative to the model, for a relative error turns with the phase of a
-    resonance, and lines count by their signal to noise: what matters for a mode are the lines where
-    it is seen.
-    """
-    z = np.where(measured, residual / np.sqrt(variance), 0)
-    # one line of interference must not hide what the others share
-    z = z / np.maximum(1.0, np.abs(z) / _CAP)
-    z = z * model.conj() / np.sqrt(variance)
-    lines = z.shape[1]
-    size = 1 << int(2 * lines - 1).bit_length()
-    power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
-    lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
-    if not lagged[0] > 0:
-        return 1.0
-    rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
-    ends = np.flatnonzero(rho < _STILL)
-    return float(1 + 2 * np.sum(rho[: ends[0] if ends.size else rho.size]))
-
-
-def shared_error(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
-    """(n,) the root mean square of e about each pole, less what FRFs leave whose errors do not
-    depend on each other.
-    """
-    terms, shared = fit.terms, np.zeros(fit.terms.pairs)
-    basis = fit.linear.basis
-    reach = NEAR * np.maximum(terms.half_bandwidth_hz, arrangement.spacing_hz)
-    for k in range(terms.pairs):
-        near = np.abs(arrangement.frequency_hz - terms.frequency_hz[k]) <= reach[k]
-        freedom = 2 * int(near.sum()) - 4  # two values less for the residue, two for the pole
-        own = fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ basis[near, 2 * k : 2 * k + 2].T
-        weighted = fit.weight[:, near] * own.conj()
-        power = np.sum((weighted * own).real, axis=0)
-        if freedom <= 0 or not np.all(power > 0):
-            continue
-        each = weighted * fit.residual[:, near]
-        square = float(np.sum(np.abs(each.sum(axis=0)) ** 2 / power))
-        usual = (
-            float(np.sum(np.abs(each) ** 2 / power))
-            * (freedom + 2 * np.sqrt(2 * freedom))
-            / (2 * int(near.sum()))
-        )
-        shared[k] = np.sqrt(max(square - usual, 0.0) / power.sum())
-    return shared

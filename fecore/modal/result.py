@@ -12,8 +12,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.findings import Finding, texts
 from fecore.frf import Quantity
-from fecore.modal.arrangement import FEW, QUANTITIES, SLOPE_SD, SURE, Arrangement
-from fecore.modal.candidates import LinearPoles
+from fecore.modal.arrangement import FEW, QUANTITIES, SLOPE_SD, SURE, Arrangement, LinearPoles
 from fecore.modal.findings import finding, lines_in_words
 from fecore.modal.judge import Evidence, Feature, RefusedPole
 from fecore.modal.prepare import Refused

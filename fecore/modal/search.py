@@ -1,11 +1,14 @@
 """The search for the poles that FRFs need, and for the drift of the structure between the tests.
 
-A pole that is not in the series, all other coefficients fitted anew, lowers χ² by
-rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their projection on the series: a 2x2 problem. The candidate
-of the largest gain is taken, its columns leave all others and the residual, and so on (orthogonal
-matching pursuit) while Akaike's price of 2 for each unknown is paid. Then all poles are refined
-together, poles that no longer pay leave, and the residual offers new candidates, a few rounds in
-all.
+The FRFs of one structure are real combinations of as many functions of frequency as there are modes
+and residual terms, so N FRFs span few dimensions above their noise. With a_i the noise of FRF i,
+the rows H_i/a_i (real beside imaginary parts) have a singular value decomposition U S Vᵀ; its
+leading rows UᵀH/a are themselves FRFs with the same poles: real combinations keep the conjugate
+symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all
+FRFs.
+
+The candidates that pay are taken (`matching_pursuit`). Then all poles are refined together, poles
+that no longer pay leave, and the residual offers new candidates, a few rounds in all.
 
 Drift. Temperature, moved sensors or a support that comes loose turn all natural frequencies of test s by
 one factor 1 + d_s. Where a resonance is as narrow as the drift, the FRFs do not fit one series:
@@ -25,41 +28,47 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
-from fecore.modal.arrangement import CLEAR, FEW, Arrangement, means
-from fecore.modal.candidates import NARROW, LinearPoles, clusters, compress, linear_poles
-from fecore.modal.judge import HOPELESS, count_modes, plausible, spurious
+from fecore.modal.arrangement import (
+    CLEAR,
+    FEW,
+    NARROW,
+    Arrangement,
+    LinearPoles,
+    Part,
+    clusters,
+    linear_poles,
+)
+from fecore.modal.judge import curves_alike, spurious
 from fecore.modal.refine import (
+    HOPELESS,
     PASSES,
-    PRICE,
     LinearFit,
+    count_modes,
     linear_fit,
     local_variance,
-    memory,
+    plausible,
     pruned,
     refine,
     refined_modes,
     reweighted_fit,
+    with_poles,
     with_residual_terms,
 )
 from fecore.modal.series import (
     BESIDE,
-    NO_TERMS,
     ONE,
-    WHOLE,
+    PRICE,
     Terms,
     columns,
-    curves_alike,
+    matching_pursuit,
     overlapping,
     stacked,
     whitening,
-    with_poles,
     without_drift,
 )
 
@@ -79,8 +88,8 @@ a move of a tenth of a standard deviation.
 ENOUGH = 1.0
 """Decrease of χ² that a step is worth before the last round."""
 
-_TOGETHER = 8  # candidates whose columns are made at a time, as they stay in the processor's cache
-_SAME = 0.03  # summed half bandwidths within which a candidate is a pole that is there
+_MOST = 24  # combinations kept
+_SHORT = 0.02  # of the lines: a gap up to here is bridged for the search
 _FIRST = 2  # steps after which new poles are looked at
 _SMOOTHEST = 3.0  # lines that are worth one, at most: a mode that lacks makes a smooth residual too
 _SPARE = 6  # poles beside twice those that are not refused, from which a search must find more
@@ -92,13 +101,6 @@ _WIDEST = 0.02
 _ALIKE = 3.0  # ratio of the widths of poles that a drift makes of one mode
 # half bandwidths, and lines at least, on each side of a pole whose lines show the drift
 _REACH = 6.0
-# lines up to which a band stays whole, the finest setting of most analysers; fewest of the lowest
-# octave; most of an octave that is searched on them, and not on means
-_UNDIVIDED, _LOWEST, _MOST_LINES = 3200, 150, 1500
-_GAP = 10  # lines that may be missing in one place of a band that is divided
-_BEYOND = 0.18  # of its ends by which an octave's window goes on beyond them
-# of an end by which it is moved to where FRFs are smallest, and lines over which that is seen
-_VALLEY, _SMOOTH = 0.1, 9
 _ONE_CURVE = 0.5  # MAC of the resonance curves from which poles of two octaves are one
 
 
@@ -148,6 +150,71 @@ class CombinedFrfs:
         """The series with all FRFs, without poles and residual terms that do not pay."""
         terms = with_residual_terms(self.arrangement, terms)
         return pruned(self.arrangement, reweighted_fit(self.arrangement, terms, self.noise))
+
+
+def compress(arrangement: Arrangement, noise: FloatArray) -> tuple[Arrangement, FloatArray]:
+    """The leading combinations under a noise variance (N, L), as if they were FRFs, and the (r, L)
+    variance of their noise.
+
+    Their pairs name no true dofs. FRFs that are few or full of gaps stay as they are.
+    """
+    rows = len(arrangement.pairs)
+    if rows <= _MOST // 2:  # nothing is gained
+        return arrangement, noise
+    values, bridged = _bridged(arrangement)
+    if 2 * bridged.sum() < rows:
+        return arrangement, noise
+    own = np.sqrt(np.median(noise[bridged], axis=1))
+    scaled = values[bridged] / own[:, None]
+    weight = 1 / np.sqrt(
+        np.mean(noise[bridged] / own[:, None] ** 2 + np.abs(scaled) ** 2 * 1e-4, axis=0)
+    )
+    flat = np.concatenate([scaled.real * weight, scaled.imag * weight], axis=1)
+    value, vector = np.linalg.eigh(flat @ flat.T)
+    count = _rank(value[::-1], flat.shape[1])
+    if count >= rows:
+        return arrangement, noise
+    mixing = np.zeros((count, rows))
+    mixing[:, bridged] = vector[:, ::-1][:, :count].T / own
+    few = replace(
+        arrangement,
+        values=mixing @ values,
+        measured=np.ones((count, arrangement.frequency_hz.size), dtype=bool),
+        variance=np.full((count, arrangement.frequency_hz.size), np.nan),
+        growth=np.full((count, arrangement.frequency_hz.size), np.nan, dtype=complex),
+        pairs=arrangement.pairs[:count],
+        row=arrangement.row[:count],
+        source=arrangement.source[:count],
+    )
+    return few, np.asarray(mixing**2 @ noise)
+
+
+def _rank(value: FloatArray, columns: int) -> int:
+    """Combinations above the noise: eigenvalues over twice the edge (1 + √(N/columns))² of those of
+    noise alone.
+    """
+    usual = float(np.median(value[len(value) // 2 :]))
+    edge = 2 * usual * (1 + np.sqrt(len(value) / columns)) ** 2
+    return int(np.clip(np.sum(value > edge), 4, _MOST))
+
+
+def _bridged(arrangement: Arrangement) -> tuple[ComplexArray, BoolArray]:
+    """The values with short gaps bridged by straight lines, and (N,) the FRFs in which that was
+    possible.
+    """
+    gaps = ~arrangement.measured
+    fine = np.ones(len(gaps), dtype=bool)
+    if not gaps.any():
+        return arrangement.values, fine
+    values = arrangement.values.copy()
+    line = np.arange(arrangement.frequency_hz.size)
+    longest = max(2, _SHORT * line.size)
+    for row in np.flatnonzero(gaps.any(axis=1)):
+        known = np.concatenate([[-1], line[~gaps[row]], [line.size]])
+        fine[row] = np.diff(known).max() <= longest + 1
+        if fine[row]:
+            values[row] = np.interp(line, known[1:-1], values[row, known[1:-1]])
+    return values, fine
 
 
 def forward_selection(
@@ -201,9 +268,8 @@ def forward_selection(
             fit = linear_fit(arrangement, fit.terms, variance)
         # 2. Choose.
         # lines that share their errors count once: what bends the modes that are there is no other
-        tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model) if pairs else 1.0
-        tau = min(tau, _SMOOTHEST)
-        added = _chosen(arrangement, fit, candidates, most - pairs, beside, tau)
+        tau = min(fit.residual_memory, _SMOOTHEST) if pairs else 1.0
+        added = matching_pursuit(arrangement, fit, candidates, most - pairs, beside, tau)
         if not added.size:
             break
         # 3. Refuse.
@@ -242,69 +308,6 @@ def _beyond(arrangement: Arrangement) -> ComplexArray:
     return np.asarray((np.array([[-0.01], [-0.05]]) + 1j) * at).ravel()
 
 
-def _chosen(
-    arrangement: Arrangement, fit: LinearFit, pool: ComplexArray, room: int, beside: int, tau: float
-) -> ComplexArray:
-    """The candidates that pay, most gain first, each on top of those before it.
-
-    1. Products: of the columns of all candidates, less their projection on the series, with each
-       other and with the residual.
-    2. Gains: what each candidate lowers the misfit by, where columns are left of it.
-    3. Take: the candidate of the largest gain, while it pays.
-    4. Project: its columns leave all products, and what overlaps it leaves the pool.
-    """
-    pool = pool[~overlapping(pool, fit.terms.poles, _SAME)]
-    if not pool.size or room <= 0:
-        return pool[:0]
-    # 1. Products.
-    root, omega, power = np.sqrt(fit.weight.mean(axis=0)), arrangement.omega, arrangement.power
-    frame = stacked(fit.linear.frame, root)
-    frame = (frame @ whitening(frame)).T
-    extra: FloatArray = np.empty((2 * pool.size, 2 * root.size))
-    for first in range(0, pool.size, _TOGETHER):
-        poles = with_poles(NO_TERMS, pool[first : first + _TOGETHER])
-        rows = stacked(columns(omega, poles, power), root).T
-        size = np.maximum(np.sqrt(np.einsum("kl,kl->k", rows, rows)), np.finfo(float).tiny)
-        np.divide(rows, size[:, None], out=extra[2 * first : 2 * first + size.size])
-    inside, target = extra @ frame.T, (fit.residual * np.sqrt(fit.weight)).view(np.float64)
-    right = (target - (target @ frame.T) @ frame) @ extra.T
-    a, d = 1 - np.sum(inside**2, axis=1).reshape(-1, 2).T
-    b = np.einsum("kl,kl->k", extra[0::2], extra[1::2]) - np.einsum(
-        "kr,kr->k", inside[0::2], inside[1::2]
-    )
-    gram: FloatArray = np.empty((0, 0))  # all of them are wanted once one is taken
-    price = tau * (fit.pole_price + (PRICE - 1) * 2 * beside)
-    # of a candidate's power: what the series leaves below it is round-off, or a pole that it has
-    new = np.where(overlapping(pool, fit.terms.poles, BESIDE), 1e-6, 1e-10)
-    taken: list[int] = []
-    open_ = np.ones(pool.size, dtype=bool)
-    while len(taken) < room:
-        # 2. Gains.
-        one, two, determinant = right[:, 0::2], right[:, 1::2], a * d - b**2
-        left = open_ & (a > new) & (d > new) & (determinant > new * a * d)
-        total = d * np.sum(one**2, axis=0) + a * np.sum(two**2, axis=0)
-        total -= 2 * b * np.sum(one * two, axis=0)
-        gain = np.where(left, total / np.where(left, determinant, 1.0), 0.0)
-        # 3. Take.
-        k = int(np.argmax(gain))
-        if gain[k] < price and not fit.terms.pairs and not taken:
-            # A first pole that most of the FRFs' own variance is gains no more than that: it pays
-            # for the combinations alone.
-            price = fit.pole_price
-        if gain[k] < price:
-            break
-        gram = gram if taken else extra @ extra.T - inside @ inside.T
-        taken.append(k)
-        # 4. Project.
-        own = slice(2 * k, 2 * k + 2)
-        along = np.linalg.inv(gram[own, own]) @ gram[own]
-        right = right - right[:, own] @ along
-        gram -= gram[:, own] @ along
-        a, b, d = gram.diagonal()[0::2], gram.diagonal(1)[0::2], gram.diagonal()[1::2]
-        open_ &= ~overlapping(pool, pool[[k]])
-    return pool[taken]
-
-
 def aligned_search(
     data: CombinedFrfs, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
 ) -> tuple[CombinedFrfs, Terms, FloatArray]:
@@ -316,9 +319,8 @@ def aligned_search(
     """
     fit = data.fitted(terms)
     pool = np.append(pool, terms.poles)
-    tau = memory(fit.residual, fit.variance, data.arrangement.measured, fit.model)
     # of a drift of all tests but one (Akaike), where lines share their errors
-    price = PRICE * (data.arrangement.sessions - 1) * tau
+    price = PRICE * (data.arrangement.sessions - 1) * fit.residual_memory
     drift, merged = _drift_of(data, fit, price)
     if np.any(drift):
         frfs = data.aligned(fit.weight, merged, drift)
@@ -489,20 +491,6 @@ def with_stated(data: CombinedFrfs, fit: LinearFit, stated: Terms) -> tuple[Line
 
 
 @dataclass(frozen=True)
-class Part:
-    """A part of a band, in which poles are searched alone."""
-
-    arrangement: Arrangement  # a window of lines, or means of them, that goes on beyond its ends
-    noise: FloatArray  # (N, L) variance of their noise
-    ends_hz: tuple[float, float]  # between which it gives the poles
-
-    def own(self, terms: Terms) -> ComplexArray:
-        """Its poles among the terms, rad/s: those between its ends, or half a bandwidth beyond."""
-        hz, width, (low, high) = terms.frequency_hz, terms.half_bandwidth_hz, self.ends_hz
-        return terms.poles[(hz + width >= low) & (hz - width < high)]
-
-
-@dataclass(frozen=True)
 class Searched:
     """What FRFs show: the poles that they need, and the drift of their tests."""
 
@@ -510,33 +498,6 @@ class Searched:
     series: LinearFit
     drift: FloatArray  # (N,) relative drift of each FRF's frequencies
     linear: LinearPoles  # the linear poles
-
-
-def octaves(arrangement: Arrangement, noise: FloatArray) -> list[Part]:
-    """The parts in which the poles of FRFs with a variance (N, L) of their noise are searched: the
-    whole band where lines are few, or many are missing.
-
-    A mode is as wide as its damping times its frequency. Over many octaves no window of lines suits
-    all modes, and what a mode of the upper ones leaves hides those of the lower ones.
-    """
-    hz, lines = arrangement.frequency_hz, arrangement.frequency_hz.size
-    gaps = np.diff(hz).max() > _GAP * arrangement.spacing_hz
-    if lines <= _UNDIVIDED or gaps or arrangement.measured.mean(axis=1).min() < WHOLE:
-        return [Part(arrangement, noise, (0.0, np.inf))]
-    size = np.mean(np.log(np.abs(arrangement.values) + np.finfo(float).tiny), axis=0)
-    size = scipy.ndimage.uniform_filter1d(size, _SMOOTH)
-    ends, high = [np.inf], float(hz[-1]) / 2
-    while np.searchsorted(hz, high) >= _LOWEST:
-        first, last = np.searchsorted(hz, high * np.array([1 - _VALLEY, 1 + _VALLEY]))
-        ends.append(float(hz[first + np.argmin(size[first:last])]))
-        high /= 2
-    parts = []
-    for low, high in pairwise([0.0, *ends[::-1]]):
-        start, stop = np.searchsorted(hz, [low * (1 - _BEYOND), high * (1 + _BEYOND)])
-        window, mean = slice(start, stop), max(1, round((stop - start) / _MOST_LINES))
-        own = means(noise[:, window], mean) / mean
-        parts.append(Part(arrangement.on(window, mean), own, (low, high)))
-    return parts
 
 
 def joined(
@@ -552,7 +513,7 @@ def joined(
         own = part.own(each.series.terms)
         poles = np.append(poles, own[~(curves_alike(own, poles) >= _ONE_CURVE).any(axis=1)])
     data = CombinedFrfs.of(arrangement, noise)
-    series = data.fitted(with_poles(NO_TERMS, poles))
+    series = data.fitted(Terms.at(poles))
     within = [
         each.linear.between(*part.ends_hz) for part, each in zip(parts, searched, strict=True)
     ]
@@ -560,9 +521,9 @@ def joined(
     drifts = [each.drift for each in searched if each.drift.any()]
     drift: FloatArray = np.median(drifts, axis=0) if drifts else np.zeros(len(noise))
     if drifts:
-        tau = memory(series.residual, series.variance, arrangement.measured, series.model)
         trial = data.aligned(series.weight, series.terms, drift)
         left = linear_fit(trial.arrangement, series.terms, series.variance).chi_squared
-        if left < series.chi_squared - PRICE * (arrangement.sessions - 1) * tau:
+        price = PRICE * (arrangement.sessions - 1) * series.residual_memory
+        if left < series.chi_squared - price:
             return Searched(trial, trial.fitted(series.terms), drift, linear)
     return Searched(data, series, np.zeros(len(noise)), linear)

@@ -1,4 +1,5 @@
-"""The modal series, and weighted linear least squares of all FRFs at once at given poles.
+"""The modal series; weighted linear least squares of all FRFs at once at given poles; what more
+poles would gain; and what lasts over lines or FRFs in the residual.
 
 A receptance is, with s = iω,
 
@@ -23,13 +24,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray, real_times
 from fecore.errors import IdentificationError
-from fecore.modal.arrangement import Arrangement
+from fecore.modal.arrangement import WHOLE, Arrangement, proportional
+
+if TYPE_CHECKING:
+    from fecore.modal.refine import LinearFit
 
 # of the largest singular value: below it a direction of the scaled coefficients is round-off
 _NULL = 1e-9
@@ -41,8 +46,8 @@ VAGUE = 1e-10
 # which those of the columns that these make nearly orthonormal keep all
 _WELL_CONDITIONED, _TWICE = 1e-4, 1e-7
 
-WHOLE = 0.9
-"""Of its lines that every FRF has where gaps are few."""
+PRICE = 2.0
+"""Of an unknown (Akaike)."""
 
 DAMPING_RANGE = (1e-5, 0.95)
 """Of ζ: a pole beyond is no resonance."""
@@ -55,6 +60,10 @@ other.
 NEAR = 3.0
 """Half bandwidths on each side of a pole within which a misfit is its own."""
 
+_TOGETHER = 8  # candidates whose columns are made at a time, as they stay in the processor's cache
+_SAME = 0.03  # summed half bandwidths within which a candidate is a pole that is there
+_STILL = 0.05  # correlation below which the sum ends
+_CAP = 3.0  # standard deviations
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
 
 
@@ -65,6 +74,12 @@ class Terms:
     frequency_hz: FloatArray  # (n,) undamped natural frequencies of the complex pole pairs, Hz
     damping_ratio: FloatArray  # (n,) their damping ratios
     exponents: tuple[int, ...]  # powers of s of the residual terms (of a receptance)
+
+    @classmethod
+    def at(cls, pole: ComplexArray) -> Terms:
+        """Poles, rad/s, without residual terms."""
+        size = np.abs(pole)
+        return cls(size / (2 * np.pi), np.clip(-pole.real / size, *DAMPING_RANGE), ())
 
     @property
     def pairs(self) -> int:
@@ -117,32 +132,10 @@ class Terms:
         return 2 * self.pairs
 
 
-NO_TERMS = Terms(np.empty(0), np.empty(0), ())
-"""To add poles to."""
-
-
-def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
-    """The terms with more poles, rad/s."""
-    hz = np.abs(pole) / (2 * np.pi)
-    return replace(
-        terms,
-        frequency_hz=np.append(terms.frequency_hz, hz),
-        damping_ratio=np.append(
-            terms.damping_ratio, np.clip(-pole.real / np.abs(pole), *DAMPING_RANGE)
-        ),
-    )
-
-
 def overlapping(pole: ComplexArray, others: ComplexArray, most: float = ONE) -> BoolArray:
     """(n,) whether a pole may be one with another, or within so many summed half bandwidths."""
     reach = most * -(pole.real[:, None] + others.real)
     return np.asarray((np.abs(pole[:, None] - others) <= reach).any(axis=1))
-
-
-def curves_alike(pole: ComplexArray, others: ComplexArray) -> FloatArray:
-    """(n, m) MAC of the resonance curves of poles and others, 4σ_kσ_j/|s_k + s̄_j|², σ = ζω."""
-    both = np.abs(pole[:, None] + others.conj()) ** 2
-    return np.asarray(4 * np.outer(pole.real, others.real) / both)
 
 
 def columns(
@@ -338,7 +331,7 @@ def missing_slopes(frame: FloatArray, steep: FloatArray) -> FloatArray:
 
 def at_lines(scaled: FloatArray, lines: IntArray) -> FloatArray:
     """(2k, q) the rows of some lines in weighted columns (2L, q)."""
-    return scaled[np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()]
+    return np.asarray(scaled[np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()])
 
 
 def whitening(scaled: FloatArray) -> FloatArray:
@@ -380,15 +373,6 @@ def mean_weight(weight: FloatArray) -> FloatArray:
     """(L,) root of the mean over the FRFs of their weights, each FRF's scaled to mean 1."""
     level = weight.mean(axis=1, keepdims=True)
     return np.asarray(np.sqrt(np.mean(weight / np.where(level > 0, level, 1.0), axis=0)))
-
-
-def proportional(weight: FloatArray) -> FloatArray | None:
-    """(N,) the FRFs' weights over those of the first, where these are one function of frequency but
-    for a factor.
-    """
-    share: FloatArray = weight.sum(axis=1) / weight[0].sum()
-    expected = share[:, None] * weight[0]
-    return share if np.all(np.abs(weight - expected) <= 1e-9 * expected) else None
 
 
 def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> FloatArray:
@@ -535,10 +519,133 @@ def one_minus_leverage(
     """
     pairs = linear.basis[:, : 2 * terms.pairs]
     steep = derivatives(arrangement.omega, terms, arrangement.power, pairs)
-    frame = (linear.scaled @ linear.turn).T
-    added = stacked(steep, weights.root).T
-    added -= (added @ frame.T) @ frame
-    both = whitening(added.T).T @ added
-    own, more = (np.sum(rows**2, axis=0).reshape(-1, 2).sum(axis=1) for rows in (frame, both))
-    leverage = (own + more / len(arrangement.pairs)) / 2
+    both, _ = orthonormal(np.concatenate([linear.basis, steep], axis=1), weights.root)
+    own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (linear.frame, both))
+    leverage = weights.root**2 * (own + (all_ - own) / len(arrangement.pairs)) / 2
     return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
+
+
+def matching_pursuit(
+    arrangement: Arrangement, fit: LinearFit, pool: ComplexArray, room: int, beside: int, tau: float
+) -> ComplexArray:
+    """The candidates of a pool that pay, most gain first, each on top of those before it (orthogonal
+    matching pursuit).
+
+    A pole that is not in the series, all other coefficients fitted anew, lowers χ² by
+    rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their projection on the series: a 2x2 problem.
+
+    1. Products: of the columns of each candidate, less their projection on the series, with each
+       other and with the residual; with those of all others once one is taken.
+    2. Gains: what each candidate lowers the misfit by, where columns are left of it.
+    3. Take: the candidate of the largest gain, while it pays.
+    4. Project: its columns leave all products, and what overlaps it leaves the pool.
+
+    Args:
+        arrangement: the FRFs.
+        fit: the series that they have.
+        pool: candidates, rad/s.
+        room: most that are taken.
+        beside: number of further FRFs that the fitted ones stand for.
+        tau: lines that are worth one, by which the price of an unknown is multiplied.
+    """
+    pool = pool[~overlapping(pool, fit.terms.poles, _SAME)]
+    if not pool.size or room <= 0:
+        return pool[:0]
+    # 1. Products.
+    root, omega, power = np.sqrt(fit.weight.mean(axis=0)), arrangement.omega, arrangement.power
+    frame = stacked(fit.linear.frame, root)
+    frame = (frame @ whitening(frame)).T
+    extra: FloatArray = np.empty((2 * pool.size, 2 * root.size))
+    for first in range(0, pool.size, _TOGETHER):
+        poles = Terms.at(pool[first : first + _TOGETHER])
+        rows = stacked(columns(omega, poles, power), root).T
+        size = np.maximum(np.sqrt(np.einsum("kl,kl->k", rows, rows)), np.finfo(float).tiny)
+        np.divide(rows, size[:, None], out=extra[2 * first : 2 * first + size.size])
+    inside, target = extra @ frame.T, (fit.residual * np.sqrt(fit.weight)).view(np.float64)
+    right = (target - (target @ frame.T) @ frame) @ extra.T
+    a, d = 1 - np.sum(inside**2, axis=1).reshape(-1, 2).T
+    b = np.einsum("kl,kl->k", extra[0::2], extra[1::2]) - np.einsum(
+        "kr,kr->k", inside[0::2], inside[1::2]
+    )
+    gram: FloatArray = np.empty((0, 0))
+    price = tau * (fit.pole_price + (PRICE - 1) * 2 * beside)
+    # of a candidate's power: what the series leaves below it is round-off, or a pole that it has
+    new = np.where(overlapping(pool, fit.terms.poles, BESIDE), 1e-6, 1e-10)
+    taken: list[int] = []
+    open_ = np.ones(pool.size, dtype=bool)
+    while len(taken) < room:
+        # 2. Gains.
+        one, two, determinant = right[:, 0::2], right[:, 1::2], a * d - b**2
+        left = open_ & (a > new) & (d > new) & (determinant > new * a * d)
+        total = d * np.sum(one**2, axis=0) + a * np.sum(two**2, axis=0)
+        total -= 2 * b * np.sum(one * two, axis=0)
+        gain = np.where(left, total / np.where(left, determinant, 1.0), 0.0)
+        # 3. Take.
+        k = int(np.argmax(gain))
+        if gain[k] < price and not fit.terms.pairs and not taken:
+            # A first pole that most of the FRFs' own variance is gains no more than that: it pays
+            # for the combinations alone.
+            price = fit.pole_price
+        if gain[k] < price:
+            break
+        gram = gram if taken else extra @ extra.T - inside @ inside.T
+        taken.append(k)
+        # 4. Project.
+        own = slice(2 * k, 2 * k + 2)
+        along = np.linalg.inv(gram[own, own]) @ gram[own]
+        right = right - right[:, own] @ along
+        gram -= gram[:, own] @ along
+        a, b, d = gram.diagonal()[0::2], gram.diagonal(1)[0::2], gram.diagonal()[1::2]
+        open_ &= ~overlapping(pool, pool[[k]])
+    return pool[taken]
+
+
+def memory(
+    residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray
+) -> float:
+    """τ, the number of lines that are worth one, from the correlation of the standardised residual;
+    at least 1.
+
+    The error is taken relative to the model, for a relative error turns with the phase of a
+    resonance, and lines count by their signal to noise: what matters for a mode are the lines where
+    it is seen.
+    """
+    z = np.where(measured, residual / np.sqrt(variance), 0)
+    # one line of interference must not hide what the others share
+    z = z / np.maximum(1.0, np.abs(z) / _CAP)
+    z = z * model.conj() / np.sqrt(variance)
+    lines = z.shape[1]
+    size = 1 << int(2 * lines - 1).bit_length()
+    power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
+    lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
+    if not lagged[0] > 0:
+        return 1.0
+    rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
+    ends = np.flatnonzero(rho < _STILL)
+    return float(1 + 2 * np.sum(rho[: ends[0] if ends.size else rho.size]))
+
+
+def shared_error(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
+    """(n,) the root mean square of e about each pole, less what FRFs leave whose errors do not
+    depend on each other.
+    """
+    terms, shared = fit.terms, np.zeros(fit.terms.pairs)
+    basis = fit.linear.basis
+    reach = NEAR * np.maximum(terms.half_bandwidth_hz, arrangement.spacing_hz)
+    for k in range(terms.pairs):
+        near = np.abs(arrangement.frequency_hz - terms.frequency_hz[k]) <= reach[k]
+        freedom = 2 * int(near.sum()) - 4  # two values less for the residue, two for the pole
+        own = fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ basis[near, 2 * k : 2 * k + 2].T
+        weighted = fit.weight[:, near] * own.conj()
+        power = np.sum((weighted * own).real, axis=0)
+        if freedom <= 0 or not np.all(power > 0):
+            continue
+        each = weighted * fit.residual[:, near]
+        square = float(np.sum(np.abs(each.sum(axis=0)) ** 2 / power))
+        usual = (
+            float(np.sum(np.abs(each) ** 2 / power))
+            * (freedom + 2 * np.sqrt(2 * freedom))
+            / (2 * int(near.sum()))
+        )
+        shared[k] = np.sqrt(max(square - usual, 0.0) / power.sum())
+    return shared

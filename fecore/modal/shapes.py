@@ -33,8 +33,16 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.findings import Finding
 from fecore.modal.arrangement import CLEAR, Arrangement
 from fecore.modal.findings import finding
-from fecore.modal.refine import PoleFit, linear_fit, widened
-from fecore.modal.series import DAMPING_RANGE, Terms, columns, derivatives, orthonormal, stacked
+from fecore.modal.refine import PoleFit, widened
+from fecore.modal.series import (
+    DAMPING_RANGE,
+    Terms,
+    columns,
+    derivatives,
+    orthonormal,
+    solved,
+    stacked,
+)
 
 # second singular value of the residues over the first from which there are two modes
 _SECOND_SHAPE = 0.1
@@ -311,10 +319,7 @@ def separate_close_modes(
     basis = columns(arrangement.omega, terms, arrangement.power)
     measured = arrangement.values - fit.background
     values = measured - c[:, own] @ basis[:, own].T
-    others = terms.some(~own[: 2 * terms.pairs : 2])
-    c[:, ~own] = linear_fit(
-        replace(arrangement, values=values), others, fit.variance
-    ).linear.coefficients
+    c[:, ~own] = solved(np.ascontiguousarray(basis.T[~own]).T, values, fit.weights).coefficients
     kept = {name: getattr(fit, name) for name in PoleFit.__dataclass_fields__}
     kept |= {
         "terms": terms,

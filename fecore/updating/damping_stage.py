@@ -23,7 +23,7 @@ from fecore.findings import Finding
 from fecore.frf import FrfSet, convert
 from fecore.least_squares import nearest
 from fecore.modal.prepare import line_scatter
-from fecore.modal.refine import memory
+from fecore.modal.series import memory
 from fecore.updating.damping_data import DampingData
 from fecore.updating.elastic import settled
 from fecore.updating.forward import ForwardState

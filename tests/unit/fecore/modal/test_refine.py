@@ -11,8 +11,16 @@ from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import identify
 from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.refine import ErrorModel, PoleFit, memory, refine, shared_error
-from fecore.modal.series import Terms, columns, mean_weight, orthonormal, spectrum
+from fecore.modal.refine import ErrorModel, PoleFit, refine
+from fecore.modal.series import (
+    Terms,
+    columns,
+    mean_weight,
+    memory,
+    orthonormal,
+    shared_error,
+    spectrum,
+)
 from fecore.modal.shapes import PairModes, PairProblem
 from fecore.normal import Z_95
 from tests.support.lengths import long

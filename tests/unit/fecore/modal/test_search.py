@@ -9,8 +9,7 @@ from benchmarks.made_frfs import KINDS, Harsh
 from fecore.errors import IdentificationError
 from fecore.frf import Dof
 from fecore.modal import identify
-from fecore.modal.arrangement import arrange, split_sides
-from fecore.modal.candidates import linear_poles
+from fecore.modal.arrangement import arrange, linear_poles, split_sides
 from fecore.modal.prepare import leakage, line_scatter
 from fecore.modal.refine import refine
 from fecore.modal.series import Terms
