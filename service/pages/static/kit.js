@@ -270,7 +270,7 @@ class Sheet {
   text(parted) {
     const { chosen, seen, table } = this;
     const safe = (cell) => {
-      const said = cell.innerText.replace(/\s+/g, " ").trim();
+      const said = cell.innerText.replace(/\s+/g, " ").replace(/−(?=\d)/g, "-").trim();
       return parted === "," && /[",]/.test(said) ? `"${said.replaceAll('"', '""')}"` : said;
     };
     const rows = [table.tHead.rows[0], ...(chosen.length > 1 ? chosen : seen)];
