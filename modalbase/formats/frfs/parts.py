@@ -193,7 +193,9 @@ def _stated_scale(name: str, texts: Texts) -> str | None:
 
 def _stated_angle(name: str, texts: Texts) -> str | None:
     """The unit of a phase in the file's words."""
-    words = re.findall(r"[a-z]+|°", f"{_text_beside(name, texts)} {name}".lower())
+    words = re.findall(r"[a-zπ]+|°", f"{_text_beside(name, texts)} {name}".lower())
+    if {"pi", "π"} & set(words):  # of a phase in half turns, which is asked for
+        return None
     return next((word for word in words if word in _ANGLES), None)
 
 

@@ -87,7 +87,7 @@ def form_of(path: Path, filename: str) -> str:
     Raises:
         Invalid: it is of one that is not read.
     """
-    return _faults_as(_dotted, lambda: recognise(path, filename))
+    return _faults_as(lambda _: pointer(["file"]), lambda: recognise(path, filename))
 
 
 def read_arrays(
