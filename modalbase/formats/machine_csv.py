@@ -241,8 +241,8 @@ def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]
         raise FormatError("columns", "are numbered from 1")
     named = {name: c for name, c in columns.items() if isinstance(c.header, str)}
     if not named:
-        places = {name: numbered[name] for name in columns}
-        return _Columns(delimiter, rows, _heading_above(rows, places, columns), places)
+        stated = {name: numbered[name] for name in columns}
+        return _Columns(delimiter, rows, _heading_above(rows, stated, columns), stated)
     nearest: set[str] = {str(c.header) for c in named.values()}
     for i, row in enumerate(rows):
         cells = joined_brackets(row, delimiter).cells

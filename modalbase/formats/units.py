@@ -295,10 +295,10 @@ def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None =
         and (quantity is None or factor_of(quantity, text) is not None)
     ]
     attributes = [f"{name}@{end}" for end in _ATTRIBUTES]  # of a dataset
-    alone = [
+    its_own = [
         texts.get(at, "") for at in (f"{within}{own}_unit", f"{within}{own}_units", *attributes)
     ]
-    stated = (text.strip() for text in (*shared, *alone) if text.strip())
+    stated = (text.strip() for text in (*shared, *its_own) if text.strip())
     return next(stated, "") or unit_in_name(own, quantity)[1]
 
 

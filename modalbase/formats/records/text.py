@@ -63,7 +63,8 @@ class TextRecording:
         Raises:
             FormatError: as said; names the row from which they differ.
         """
-        axis, axes, own = "", self._axes, []
+        axis, axes = "", self._axes
+        own: list[str] = []
         for name in self.names if len(axes) > 1 else ():
             axis = name if name in axes else axis
             if name in names and axis not in ("", *own):

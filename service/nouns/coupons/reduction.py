@@ -149,7 +149,7 @@ def _parts(
     run: Run, file: MachineFile, gauges: dict[str, float | None], request: CurveCouponIn
 ) -> Iterator[_Part]:
     """A run of the machine, divided where it was unloaded and loaded again."""
-    zeros = {
+    zeros: dict[str, float] = {
         name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero
     }
     series = {
