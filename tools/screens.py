@@ -11,8 +11,8 @@ from examples.joint_update import paper_bar_together
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from service.app.demo.run import Laboratory, _settings
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import more_pages, signed_in
-from tests.support.browser import browser, watched_page
+from tests.acceptance.test_browser import more_pages
+from tests.support.browser import browser, signed_in, watched_page
 from tests.support.profiles import deck
 from tests.support.rest import client_at, finished, ok, plain_client, posted
 from tests.support.waiting import until

@@ -7,14 +7,24 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.support.browser import browser
+from service.app.supervisor import LocalService
+from tests.support.browser import Watched, browser, signed_in, watched_page
 
 if TYPE_CHECKING:
+    import httpx
     from playwright.sync_api import Browser
 
 
 @pytest.fixture(scope="session")
 def running() -> Iterator[Browser]:
-    """The browser of all tests; each has a context of its own."""
+    """The browser of all tests."""
     with browser() as found:
         yield found
+
+
+@pytest.fixture
+def seen(running: Browser, service: LocalService, api: httpx.Client) -> Iterator[Watched]:
+    """A page on the desk of the user of `api`."""
+    with watched_page(running, service.url) as page:
+        signed_in(page, api.headers["authorization"].split()[1])
+        yield page

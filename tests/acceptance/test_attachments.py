@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import overflow, signed_in
-from tests.support.browser import answered, hindrances, watched_page
+from tests.acceptance.test_browser import overflow
+from tests.support.browser import answered, hindrances, signed_in, watched_page
 from tests.support.furnished import MONITOR
 from tests.support.laboratory import BEAM
 from tests.support.lengths import long

@@ -15,7 +15,15 @@ import numpy as np
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.support.browser import Watched, answered, drawn, held, hindrances, watched_page
+from tests.support.browser import (
+    Watched,
+    answered,
+    drawn,
+    held,
+    hindrances,
+    signed_in,
+    watched_page,
+)
 from tests.support.lengths import long
 from tests.support.places import shared_file
 from tests.support.rest import client_at, ok, posted
@@ -117,15 +125,6 @@ def spilled(seen: Watched) -> list[str]:
     return over
 
 
-def signed_in(seen: Watched, key: str, path: str = "") -> Page:
-    """Begin a session, as the form of the sign-in does, and go to a page where one is named."""
-    begun = seen.context.request.post("/api/v1/session", headers={"Authorization": f"Bearer {key}"})
-    assert begun.status == 201
-    if path:
-        seen.page.goto(path)
-    return seen.page
-
-
 @pytest.mark.parametrize("every_page", [False, long(True)])
 def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
     running: Browser, service: LocalService, measured: Path, every_page: bool
@@ -210,11 +209,11 @@ def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
     page.locator(shapes).scroll_into_view_if_needed()
     page.wait_for_selector(f"{shapes} :text('updated model, mode 3')")
     assert highest_line(page) < 400
-    page.goto(f"{page.url.split('?')[0]}?hz=160~40&shapes=2~4")  # as earlier versions wrote it
-    until(lambda: highest_line(page) == 200, "the FRF zoomed by an old address")
-    page.wait_for_selector("[data-space-said]:has-text('model mode 4')")
-    page.goto(f"{page.url.split('?')[0]}?s=*")
     with held(page, "**/data?format=npz") as waiting:
+        # as earlier versions wrote it
+        page.goto(f"{page.url.split('?')[0]}?hz=160~40&shapes=2~4&s=*")
+        until(lambda: highest_line(page) == 200, "the FRF zoomed by an old address")
+        page.wait_for_selector("[data-space-said]:has-text('model mode 4')")
         page.locator("tr[data-zoom] a").nth(1).click()
         until(waiting, "FRFs to be read")
     until(lambda: highest_line(page) < 400, "the FRF zoomed to the mode")

@@ -10,9 +10,9 @@ import httpx
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import overflow, signed_in
+from tests.acceptance.test_browser import overflow
 from tests.acceptance.test_correcting import saved
-from tests.support.browser import drawn, hindrances, watched_page
+from tests.support.browser import drawn, hindrances, signed_in, watched_page
 from tests.support.laboratory import BEAM
 from tests.support.lengths import long
 from tests.support.places import shared_file

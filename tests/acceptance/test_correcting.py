@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import more_pages, overflow, signed_in
+from tests.acceptance.test_browser import more_pages, overflow
 from tests.integration.test_coupons import CURVE, machine_file
-from tests.support.browser import answered, held, hindrances, watched_page
+from tests.support.browser import Watched, answered, held, hindrances, signed_in, watched_page
 from tests.support.lengths import long
 from tests.support.rest import client_at, finished, ok, posted
 from tests.support.waiting import until
@@ -272,51 +272,49 @@ def test_pieces_masses_and_what_things_are_found_by_are_corrected(
 
 
 def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(
-    running: Browser, service: LocalService
+    seen: Watched, api: httpx.Client
 ) -> None:
     """A German machine's file: its columns are offered, unknown sizes are asked for again; the
     second needs its sizes alone.
     """
-    key = service.new_key("tester")
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        project = posted(api, "projects", {"name": "coupons"})["id"]
-        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
-        body = {"name": "0 degrees", "constants": ["Ex", "nu_xy"]}
-        batch = posted(api, f"structures/{structure}/coupon-batches", body)["id"]
-        page = signed_in(seen, key, f"/ui/coupon-batches/{batch}")
-        page.click("summary:has-text('Record a raw curve')")
-        for number in (1, 2):  # the second time it stands open, filled in
-            data = machine_file(CURVE).replace(b"Nr. 17", f"Nr. {number}".encode())
-            page.set_input_files(
-                "[data-raw-curve] [name=file]",
-                {"name": f"A{number}.csv", "mimeType": "text/csv", "buffer": data},
-            )
-            page.wait_for_selector("[data-raw-curve] datalist option", state="attached")
-            found = [
-                page.input_value(f"[name='columns/{series}/header']")
-                for series in ("force", "strain", "transverse_strain")
-            ]
-            assert found == ["Kraft", "Längsdehnung", "Querdehnung"]
-            page.fill("[name='dimensions/width']", "25.02, 25.00, 24.98" if number == 1 else "25.0")
-            page.fill("[name='dimensions/thickness']", "2.01, 2.00, 1.99" if number == 1 else "2.0")
-            assert hindrances(page) == []
-            saved(page, "Reduce and record it")
-        data = machine_file([(row[0] + 228_000, *row[1:]) for row in CURVE])
+    project = posted(api, "projects", {"name": "coupons"})["id"]
+    structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
+    body = {"name": "0 degrees", "constants": ["Ex", "nu_xy"]}
+    batch = posted(api, f"structures/{structure}/coupon-batches", body)["id"]
+    page = seen.goto(f"/ui/coupon-batches/{batch}")
+    page.click("summary:has-text('Record a raw curve')")
+    for number in (1, 2):  # the second time it stands open, filled in
+        data = machine_file(CURVE).replace(b"Nr. 17", f"Nr. {number}".encode())
         page.set_input_files(
             "[data-raw-curve] [name=file]",
-            {"name": "A3.csv", "mimeType": "text/csv", "buffer": data},
+            {"name": f"A{number}.csv", "mimeType": "text/csv", "buffer": data},
         )
-        page.fill("[name='dimensions/width']", "25.0")
-        page.fill("[name='dimensions/thickness']", "2.0")
-        page.click("button:has-text('Reduce and record it')")
-        page.wait_for_selector(".faults:has-text('zero it at its first reading')")
-        assert '"' not in page.inner_text("[data-raw-curve] .faults")
-        page.select_option("[name='zero/strain']", "first")
+        page.wait_for_selector("[data-raw-curve] datalist option", state="attached")
+        found = [
+            page.input_value(f"[name='columns/{series}/header']")
+            for series in ("force", "strain", "transverse_strain")
+        ]
+        assert found == ["Kraft", "Längsdehnung", "Querdehnung"]
+        page.fill("[name='dimensions/width']", "25.02, 25.00, 24.98" if number == 1 else "25.0")
+        page.fill("[name='dimensions/thickness']", "2.01, 2.00, 1.99" if number == 1 else "2.0")
+        assert hindrances(page) == []
         saved(page, "Reduce and record it")
-        specimens = ok(api.get(f"coupon-batches/{batch}/coupons"))["items"]
-        assert [row["specimen"] for row in specimens] == ["A1", "A2", "A3"]
-        # by hand in docs/coupons.md
-        assert [row["E_Pa"] for row in specimens] == pytest.approx([39.5074e9] * 3, rel=2e-6)
-        # of the curve that was refused
-        assert ["422" in complaint for complaint in seen.complaints] == [True]
-        seen.complaints.clear()
+    data = machine_file([(row[0] + 228_000, *row[1:]) for row in CURVE])
+    page.set_input_files(
+        "[data-raw-curve] [name=file]",
+        {"name": "A3.csv", "mimeType": "text/csv", "buffer": data},
+    )
+    page.fill("[name='dimensions/width']", "25.0")
+    page.fill("[name='dimensions/thickness']", "2.0")
+    page.click("button:has-text('Reduce and record it')")
+    page.wait_for_selector(".faults:has-text('zero it at its first reading')")
+    assert '"' not in page.inner_text("[data-raw-curve] .faults")
+    page.select_option("[name='zero/strain']", "first")
+    saved(page, "Reduce and record it")
+    specimens = ok(api.get(f"coupon-batches/{batch}/coupons"))["items"]
+    assert [row["specimen"] for row in specimens] == ["A1", "A2", "A3"]
+    # by hand in docs/coupons.md
+    assert [row["E_Pa"] for row in specimens] == pytest.approx([39.5074e9] * 3, rel=2e-6)
+    # of the curve that was refused
+    assert ["422" in complaint for complaint in seen.complaints] == [True]
+    seen.complaints.clear()

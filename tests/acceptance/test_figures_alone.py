@@ -7,16 +7,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
-from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import more_pages, signed_in
+from tests.acceptance.test_browser import more_pages
 from tests.acceptance.test_correcting import bar
-from tests.support.browser import drawn, watched_page
-from tests.support.rest import client_at, posted
+from tests.support.browser import Watched, drawn
+from tests.support.rest import posted
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from playwright.sync_api import Browser
+    import httpx
 
 HITS = "figure[data-figure$='/figures/hits']"
 X_OF_THE_RESPONSE = (
@@ -28,53 +27,49 @@ COLORS = f"() => [...{STYLES}.map((style) => [style.fill, style.stroke])"
 
 
 def test_a_drawing_opened_alone_has_its_colours(
-    running: Browser, service: LocalService, tmp_path: Path
+    seen: Watched, api: httpx.Client, tmp_path: Path
 ) -> None:
-    key = service.new_key("printer")
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        _, structure = bar(api)
-        campaign = more_pages(api, structure)[2].rsplit("/", 1)[1]
-        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        for theme, ground in (("light", "rgb(255, 255, 255)"), ("dark", "rgb(20, 23, 26)")):
-            page.goto(f"/api/v1/campaigns/{campaign}/figures/hits?format=svg&theme={theme}")
-            first, *_ = colors = page.evaluate(COLORS)
-            assert first[0] == ground
-            assert len({fill for fill, _ in colors}) > 2
-            assert len({stroke for _, stroke in colors}) > 3
-            page.screenshot(path=tmp_path / f"{theme}.png")
+    _, structure = bar(api)
+    campaign = more_pages(api, structure)[2].rsplit("/", 1)[1]
+    page = seen.goto(f"/ui/campaigns/{campaign}")
+    for theme, ground in (("light", "rgb(255, 255, 255)"), ("dark", "rgb(20, 23, 26)")):
+        page.goto(f"/api/v1/campaigns/{campaign}/figures/hits?format=svg&theme={theme}")
+        first, *_ = colors = page.evaluate(COLORS)
+        assert first[0] == ground
+        assert len({fill for fill, _ in colors}) > 2
+        assert len({stroke for _, stroke in colors}) > 3
+        page.screenshot(path=tmp_path / f"{theme}.png")
 
 
-def test_what_a_zoom_brings_into_view_is_fetched(running: Browser, service: LocalService) -> None:
+def test_what_a_zoom_brings_into_view_is_fetched(seen: Watched, api: httpx.Client) -> None:
     """The response of a hit of 16,384 samples: of the whole the least and greatest of each stretch,
     of a part all.
     """
-    key = service.new_key("zoomer")
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        _, structure = bar(api)
-        campaign = posted(
-            api, f"structures/{structure}/campaigns", {"name": "hits", "boundary": "free"}
-        )["id"]
-        posted(api, f"campaigns/{campaign}/records", long_hit(16_384, 16_384.0))
-        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        drawn(page, HITS)
-        inside = f"{X_OF_THE_RESPONSE}.filter((x) => x >= 0.5 && x <= 0.51).length"
-        assert page.evaluate(inside) < 40
+    _, structure = bar(api)
+    campaign = posted(
+        api, f"structures/{structure}/campaigns", {"name": "hits", "boundary": "free"}
+    )["id"]
+    posted(api, f"campaigns/{campaign}/records", long_hit(16_384, 16_384.0))
+    page = seen.goto(f"/ui/campaigns/{campaign}")
+    drawn(page, HITS)
+    inside = f"{X_OF_THE_RESPONSE}.filter((x) => x >= 0.5 && x <= 0.51).length"
+    assert page.evaluate(inside) < 40
+    page.evaluate(
+        f"document.querySelector(\"{HITS}\").addEventListener('in-view', () =>"
+        " document.body.dataset.inView = 'yes')"
+    )
+    with page.expect_response("**/figures/hits?*tmin=*") as fetched:
         page.evaluate(
-            f"document.querySelector(\"{HITS}\").addEventListener('in-view', () =>"
-            " document.body.dataset.inView = 'yes')"
+            f'Plotly.relayout(document.querySelector("{HITS} .js-plotly-plot"),'
+            " {'xaxis2.range': [0.5, 0.51]})"
         )
-        with page.expect_response("**/figures/hits?*tmin=*") as fetched:
-            page.evaluate(
-                f'Plotly.relayout(document.querySelector("{HITS} .js-plotly-plot"),'
-                " {'xaxis2.range': [0.5, 0.51]})"
-            )
-        asked = parse_qs(urlsplit(fetched.value.url).query)
-        assert (asked["tmin"], asked["tmax"]) == (["0.5"], ["0.51"])
-        page.wait_for_selector("[data-in-view=yes]")
-        assert page.evaluate(inside) >= 163
-        assert page.evaluate(
-            f'document.querySelector("{HITS} .js-plotly-plot").layout.xaxis2.range'
-        ) == [0.5, 0.51]
+    asked = parse_qs(urlsplit(fetched.value.url).query)
+    assert (asked["tmin"], asked["tmax"]) == (["0.5"], ["0.51"])
+    page.wait_for_selector("[data-in-view=yes]")
+    assert page.evaluate(inside) >= 163
+    assert page.evaluate(
+        f'document.querySelector("{HITS} .js-plotly-plot").layout.xaxis2.range'
+    ) == [0.5, 0.51]
 
 
 def long_hit(count: int, rate: float) -> dict[str, object]:

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import overflow, signed_in
+from tests.acceptance.test_browser import overflow
 from tests.acceptance.test_correcting import bar, saved
 from tests.support import profiles
 from tests.support.browser import (
@@ -20,6 +20,7 @@ from tests.support.browser import (
     hindrances,
     note_on_leaving,
     noted_on_leaving,
+    signed_in,
     watched_page,
 )
 from tests.support.lengths import long
@@ -140,83 +141,75 @@ def identified(service: LocalService) -> bytes:
         return api.get(f"mode-sets/{key}", params={"format": "uff"}).content
 
 
-def test_the_example_is_made_removed_and_had_back_by_a_click_each(
-    running: Browser, service: LocalService
-) -> None:
-    key = service.new_key("newcomer")
-    with watched_page(running, service.url) as seen:
-        page = signed_in(seen, key, "/ui/")
-        page.wait_for_selector("text=No test yet")
-        page.click("button:text('Add it')")
-        page.wait_for_selector("#verdict")
-        page.goto("/ui/")
-        page.locator("[aria-label=tests] .verdict").wait_for()
-        assert page.inner_text("[aria-label=tests] tbody td:nth-child(3)") == "33"
-        page.click("button:text('Remove it')")
-        page.wait_for_selector("text=No test yet")
-        with page.expect_navigation():
-            page.click("#say button:text('Undo')")
-        page.locator("[aria-label=tests] .verdict").wait_for()
-        assert hindrances(page) == []
+def test_the_example_is_made_removed_and_had_back_by_a_click_each(seen: Watched) -> None:
+    page = seen.goto("/ui/")
+    page.wait_for_selector("text=No test yet")
+    page.click("button:text('Add it')")
+    page.wait_for_selector("#verdict")
+    page.goto("/ui/")
+    page.locator("[aria-label=tests] .verdict").wait_for()
+    assert page.inner_text("[aria-label=tests] tbody td:nth-child(3)") == "33"
+    page.click("button:text('Remove it')")
+    page.wait_for_selector("text=No test yet")
+    with page.expect_navigation():
+        page.click("#say button:text('Undo')")
+    page.locator("[aria-label=tests] .verdict").wait_for()
+    assert hindrances(page) == []
 
 
-def test_structures_of_every_kind_are_made_and_chosen(
-    running: Browser, service: LocalService
-) -> None:
+def test_structures_of_every_kind_are_made_and_chosen(seen: Watched, api: httpx.Client) -> None:
     """A profile and plies by the form of a new test; one that is there is chosen; what is
     left out is not sent.
     """
-    key = service.new_key("builder")
-    with watched_page(running, service.url) as seen, client_at(service.url, key) as api:
-        page = signed_in(seen, key, "/ui/new")
-        page.fill("[name='project/name']", "bodies")
-        page.fill("[name='structure/name']", "profile")
-        page.select_option("select[data-kind]", "i")
-        assert not page.locator("[name='structure/geometry/length_m']").is_visible()
-        page.fill("[name='structure/density_kg_m3']", "1900")
-        fill(page, "structure/shape/", WALLS)
-        fill(page, "structure/shape/material/", CONSTANTS)
-        stored(page, "free")
-        project = ok(api.get("projects"))["items"][0]["id"]
-        (profile,) = structures(api, project)
-        assert (profile["shape"]["kind"], profile["shape"]["height_m"]) == ("i", 0.1)
-        assert profile["shape"]["walls"]["web"]["thickness_m"] == 0.005
-        assert (profile["geometry"], profile["material"]) == (None, None)
+    page = seen.goto("/ui/new")
+    page.fill("[name='project/name']", "bodies")
+    page.fill("[name='structure/name']", "profile")
+    page.select_option("select[data-kind]", "i")
+    assert not page.locator("[name='structure/geometry/length_m']").is_visible()
+    page.fill("[name='structure/density_kg_m3']", "1900")
+    fill(page, "structure/shape/", WALLS)
+    fill(page, "structure/shape/material/", CONSTANTS)
+    stored(page, "free")
+    project = ok(api.get("projects"))["items"][0]["id"]
+    (profile,) = structures(api, project)
+    assert (profile["shape"]["kind"], profile["shape"]["height_m"]) == ("i", 0.1)
+    assert profile["shape"]["walls"]["web"]["thickness_m"] == 0.005
+    assert (profile["geometry"], profile["material"]) == (None, None)
 
-        page.goto(f"/ui/new?project={project}")
-        page.fill("[name='structure/name']", "laminate")
-        page.select_option("select[data-kind]", "laminate")
-        page.fill("[name='structure/density_kg_m3']", "1600")
-        fill(page, "structure/geometry/", {"length_m": 400, "width_m": 30, "thickness_m": 2})
-        for number, angle in enumerate((0, 90)):
-            page.click("button:text('Add a ply')")
-            fill(
-                page,
-                f"structure/laminate/plies/{number}/",
-                {**CONSTANTS, "thickness_m": 1, "angle_deg": angle},
-            )
-        stored(page, "cantilever")
-        laminate = structures(api, project)[1]["laminate"]
-        assert [(ply["angle_deg"], ply["thickness_m"]) for ply in laminate["plies"]] == [
-            (0, 0.001),
-            (90, 0.001),
-        ]
+    page.goto(f"/ui/new?project={project}")
+    page.fill("[name='structure/name']", "laminate")
+    page.select_option("select[data-kind]", "laminate")
+    page.fill("[name='structure/density_kg_m3']", "1600")
+    fill(page, "structure/geometry/", {"length_m": 400, "width_m": 30, "thickness_m": 2})
+    for number, angle in enumerate((0, 90)):
+        page.click("button:text('Add a ply')")
+        fill(
+            page,
+            f"structure/laminate/plies/{number}/",
+            {**CONSTANTS, "thickness_m": 1, "angle_deg": angle},
+        )
+    stored(page, "cantilever")
+    laminate = structures(api, project)[1]["laminate"]
+    assert [(ply["angle_deg"], ply["thickness_m"]) for ply in laminate["plies"]] == [
+        (0, 0.001),
+        (90, 0.001),
+    ]
 
-        page.goto("/ui/new")
-        page.select_option("#which-structure", profile["id"])
-        assert not page.locator("[name='structure/name']").is_visible()
-        stored(page, "cantilever")
-        tests = ok(api.get(f"structures/{profile['id']}/campaigns"))["items"]
-        assert [test["boundary"] for test in tests] == ["free", "cantilever"]
-        assert len(structures(api, project)) == 2
-        corrected(page, f"structures/{profile['id']}")
-        assert structures(api, project)[0]["shape"]["walls"]["web"]["thickness_m"] == 0.0055
-        assert structures(api, project)[0]["shape"]["walls"]["flange"]["thickness_m"] == 0.006
-        page.goto(f"/ui/campaigns/{tests[0]['id']}/grid-points")
-        page.fill("[name=points]", "1, 0, 10\n2 800 -10 50")
-        saved(page, "Save the points")
-        points = ok(api.get(f"campaigns/{tests[0]['id']}/grid-points"))["items"]
-        assert points[1] == {"label": 2, "x_m": 0.8, "y_m": -0.01, "z_m": 0.05}
+    page.goto("/ui/new")
+    page.select_option("#which-structure", profile["id"])
+    assert not page.locator("[name='structure/name']").is_visible()
+    stored(page, "cantilever")
+    tests = ok(api.get(f"structures/{profile['id']}/campaigns"))["items"]
+    assert [test["boundary"] for test in tests] == ["free", "cantilever"]
+    assert len(structures(api, project)) == 2
+    corrected(page, f"structures/{profile['id']}")
+    assert structures(api, project)[0]["shape"]["walls"]["web"]["thickness_m"] == 0.0055
+    assert structures(api, project)[0]["shape"]["walls"]["flange"]["thickness_m"] == 0.006
+    page.goto(f"/ui/campaigns/{tests[0]['id']}/grid-points")
+    page.fill("[name=points]", "1, 0, 10\n2 800 -10 50")
+    saved(page, "Save the points")
+    points = ok(api.get(f"campaigns/{tests[0]['id']}/grid-points"))["items"]
+    assert points[1] == {"label": 2, "x_m": 0.8, "y_m": -0.01, "z_m": 0.05}
 
 
 def structures(api: httpx.Client, project: str) -> list[dict[str, Any]]:

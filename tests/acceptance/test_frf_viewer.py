@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import overflow, signed_in
-from tests.support.browser import Watched, drawn, held, hindrances, watched_page
+from tests.acceptance.test_browser import overflow
+from tests.support.browser import Watched, drawn, held, hindrances, signed_in, watched_page
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 

@@ -10,8 +10,8 @@ from urllib.parse import parse_qs
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import overflow, signed_in
-from tests.support.browser import answered, hindrances, watched_page
+from tests.acceptance.test_browser import overflow
+from tests.support.browser import Watched, answered, hindrances, signed_in, watched_page
 from tests.support.lengths import long
 
 if TYPE_CHECKING:
@@ -65,29 +65,27 @@ def chosen(page: Page) -> list[str]:
     return page.locator("[aria-label=many] [aria-selected=true] td:first-child").all_inner_texts()
 
 
-def test_parts_do_what_they_show(running: Browser, service: LocalService) -> None:
-    key = service.new_key("kit by hand")
-    with watched_page(running, service.url, width=1400) as seen:
-        page = signed_in(seen, key, "/ui/kit")
-        page.click(".tabs [href='#work']")
-        page.locator("[aria-label=many] tbody tr").first.wait_for()
-        assert {row["height"] for row in boxes(page, "[aria-label=many] tbody tr")} == {28}
-        rows_are_sorted_filtered_and_chosen(page)
-        lines_move_and_are_kept(page)
-        page.click(".tabs [href='#said']")
-        page.click("[data-ask]")
-        page.keyboard.press("Escape")
-        page.wait_for_selector("#say:text('Kept.')")
-        page.click("[data-ask]")
-        assert "north abutment" in answered(page, yes=True)
-        page.wait_for_selector("#say:text('Deleted.')")
-        page.click("[data-say]")
-        page.click("#say button:text('Undo')")
-        page.wait_for_selector("#say:text('Taken back.')")
-        page.click(".tabs summary")
-        assert page.locator(".tabs .downloads a").first.is_visible()
-        page.keyboard.press("Escape")
-        assert not page.locator(".tabs .downloads a").first.is_visible()
+def test_parts_do_what_they_show(seen: Watched) -> None:
+    page = seen.goto("/ui/kit")
+    page.click(".tabs [href='#work']")
+    page.locator("[aria-label=many] tbody tr").first.wait_for()
+    assert {row["height"] for row in boxes(page, "[aria-label=many] tbody tr")} == {28}
+    rows_are_sorted_filtered_and_chosen(page)
+    lines_move_and_are_kept(page)
+    page.click(".tabs [href='#said']")
+    page.click("[data-ask]")
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#say:text('Kept.')")
+    page.click("[data-ask]")
+    assert "north abutment" in answered(page, yes=True)
+    page.wait_for_selector("#say:text('Deleted.')")
+    page.click("[data-say]")
+    page.click("#say button:text('Undo')")
+    page.wait_for_selector("#say:text('Taken back.')")
+    page.click(".tabs summary")
+    assert page.locator(".tabs .downloads a").first.is_visible()
+    page.keyboard.press("Escape")
+    assert not page.locator(".tabs .downloads a").first.is_visible()
 
 
 def boxes(page: Page, selector: str) -> list[dict[str, float]]:

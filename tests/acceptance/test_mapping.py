@@ -15,10 +15,10 @@ from scipy.io import savemat, wavfile
 
 from service.app.supervisor import LocalService
 from service.platform.queue.resource import ENDED
-from tests.acceptance.test_browser import overflow, signed_in
+from tests.acceptance.test_browser import overflow
 from tests.acceptance.test_forms import fill
 from tests.golden.inputs import new_campaign
-from tests.support.browser import held, hindrances, watched_page
+from tests.support.browser import Watched, held, hindrances, signed_in, watched_page
 from tests.support.lengths import long
 from tests.support.rest import client_at, finished, ok
 from tests.support.uff import axis, set_58
@@ -107,81 +107,79 @@ def counts(api: httpx.Client, campaign: str) -> list[tuple[str, str, Any]]:
 
 
 def test_recordings_and_mat_files_are_read_by_choosing_columns(
-    running: Browser, service: LocalService
+    seen: Watched, api: httpx.Client
 ) -> None:
     """A TDMS whose order was wrong first, wavs of a point each read together, FRFs in two parts;
     what was typed is kept.
     """
-    key = service.new_key("mapper")
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        campaign = new_campaign(api, {"name": "bar"}, boundary="free")
-        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        files = {"june.tdms": tdms([1.0, 4.0, 7.0], 10.0), "point_4.wav": wav([1.0, 4.0], 7.0)}
-        files |= {
-            "point_5.wav": wav([1.5, 4.5], 7.5),
-            "frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag),
-        }
-        dropped(page, files)
-        assert page.locator("main textarea").count() == 0
-        assert "{" not in page.inner_text("main")
+    campaign = new_campaign(api, {"name": "bar"}, boundary="free")
+    page = seen.goto(f"/ui/campaigns/{campaign}")
+    files = {"june.tdms": tdms([1.0, 4.0, 7.0], 10.0), "point_4.wav": wav([1.0, 4.0], 7.0)}
+    files |= {
+        "point_5.wav": wav([1.5, 4.5], 7.5),
+        "frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag),
+    }
+    dropped(page, files)
+    assert page.locator("main textarea").count() == 0
+    assert "{" not in page.inner_text("main")
 
-        june = form_of(page, "june.tdms")
-        quantities = [june.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
-        assert quantities == ["force", "acceleration"]
-        june.locator("button:text('Add a point')").click()
-        june.locator("[name='recording/order/0/point']").fill("7")
-        june.locator("[name='recording/order/0/hits']").fill("2")
-        june.locator("[name='channels/1/point']").fill("33")
-        june.locator("[name='channels/1/direction']").select_option("3")
-        for n in (0, 1):
-            june.locator(f"[name='channels/{n}/sensitivity']").fill("1")
-        read_so(page, api, "june.tdms")
-        page.wait_for_selector("#uploaded .faults:text('has 2 hits, and 3 were found, at 1.00 s')")
-        assert form_of(page, "june.tdms").locator("[name='channels/1/point']").input_value() == "33"
-        form_of(page, "june.tdms").locator("[name='recording/order/0/hits']").fill("3")
-        read_so(page, api, "june.tdms")
+    june = form_of(page, "june.tdms")
+    quantities = [june.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
+    assert quantities == ["force", "acceleration"]
+    june.locator("button:text('Add a point')").click()
+    june.locator("[name='recording/order/0/point']").fill("7")
+    june.locator("[name='recording/order/0/hits']").fill("2")
+    june.locator("[name='channels/1/point']").fill("33")
+    june.locator("[name='channels/1/direction']").select_option("3")
+    for n in (0, 1):
+        june.locator(f"[name='channels/{n}/sensitivity']").fill("1")
+    read_so(page, api, "june.tdms")
+    page.wait_for_selector("#uploaded .faults:text('has 2 hits, and 3 were found, at 1.00 s')")
+    assert form_of(page, "june.tdms").locator("[name='channels/1/point']").input_value() == "33"
+    form_of(page, "june.tdms").locator("[name='recording/order/0/hits']").fill("3")
+    read_so(page, api, "june.tdms")
 
-        first = form_of(page, "point_4.wav")
-        assert (
-            "-0.223 to 0.241"
-            in first.locator("[name='channels/1/variable'] option >> nth=2").inner_text()
-        )
-        first.locator("select[data-kind]").select_option("filename")
-        for name, value in {"0/quantity": "force", "1/quantity": "acceleration"}.items():
-            first.locator(f"[name='channels/{name}']").select_option(value)
-        for n in (0, 1):
-            first.locator(f"[name='channels/{n}/direction']").select_option("3")
-        for name in ("0/sensitivity", "1/sensitivity"):
-            first.locator(f"[name='channels/{name}']").fill("0.25")
-        first.locator("[name='channels/1/point']").fill("33")
-        first.locator("label:has-text('Read point_5.wav so, too') input").check()
-        read_so(page, api, "point_4.wav")
+    first = form_of(page, "point_4.wav")
+    assert (
+        "-0.223 to 0.241"
+        in first.locator("[name='channels/1/variable'] option >> nth=2").inner_text()
+    )
+    first.locator("select[data-kind]").select_option("filename")
+    for name, value in {"0/quantity": "force", "1/quantity": "acceleration"}.items():
+        first.locator(f"[name='channels/{name}']").select_option(value)
+    for n in (0, 1):
+        first.locator(f"[name='channels/{n}/direction']").select_option("3")
+    for name in ("0/sensitivity", "1/sensitivity"):
+        first.locator(f"[name='channels/{name}']").fill("0.25")
+    first.locator("[name='channels/1/point']").fill("33")
+    first.locator("label:has-text('Read point_5.wav so, too') input").check()
+    read_so(page, api, "point_4.wav")
 
-        page.wait_for_selector("form[data-name='frfs.mat']")
-        form_of(page, "frfs.mat").locator("[data-look]").select_option("frfs")
-        page.wait_for_selector("form[data-name='frfs.mat'] [name='frf/real']")
-        page.select_option("[name=quantity]:visible", "mobility")
-        page.select_option("[name='frf/real']", "Hr")
-        page.select_option("[name='frf/imaginary']", "Hi")
-        fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
-        for side in ("response", "reference"):
-            page.select_option(f"[name={side}_direction]:visible", "3")
-        assert hindrances(page) == []
-        read_so(page, api, "frfs.mat")
-        page.click(".tabs a:text('Measurement')")
-        page.wait_for_selector("[data-frf-viewer]")
-        assert sorted(counts(api, campaign)) == [
-            ("frfs.mat", "succeeded", 2),
-            ("june.tdms", "failed", None),
-            ("june.tdms", "succeeded", 6),
-            ("point_4.wav", "succeeded", 4),
-            ("point_5.wav", "succeeded", 4),
-        ]
-        frf = ok(api.get(f"campaigns/{campaign}/frfs"))["items"][1]
-        assert (frf["quantity"], frf["reference_point"]) == ("mobility", 5)
-        np.testing.assert_array_equal(
-            ok(api.get(f"frfs/{frf['id']}/data"))["frfs"][0]["imag"], 2 * VALUES[1].imag
-        )
+    page.wait_for_selector("form[data-name='frfs.mat']")
+    form_of(page, "frfs.mat").locator("[data-look]").select_option("frfs")
+    page.wait_for_selector("form[data-name='frfs.mat'] [name='frf/real']")
+    page.select_option("[name=quantity]:visible", "mobility")
+    page.select_option("[name='frf/real']", "Hr")
+    page.select_option("[name='frf/imaginary']", "Hi")
+    fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
+    for side in ("response", "reference"):
+        page.select_option(f"[name={side}_direction]:visible", "3")
+    assert hindrances(page) == []
+    read_so(page, api, "frfs.mat")
+    page.click(".tabs a:text('Measurement')")
+    page.wait_for_selector("[data-frf-viewer]")
+    assert sorted(counts(api, campaign)) == [
+        ("frfs.mat", "succeeded", 2),
+        ("june.tdms", "failed", None),
+        ("june.tdms", "succeeded", 6),
+        ("point_4.wav", "succeeded", 4),
+        ("point_5.wav", "succeeded", 4),
+    ]
+    frf = ok(api.get(f"campaigns/{campaign}/frfs"))["items"][1]
+    assert (frf["quantity"], frf["reference_point"]) == ("mobility", 5)
+    np.testing.assert_array_equal(
+        ok(api.get(f"frfs/{frf['id']}/data"))["frfs"][0]["imag"], 2 * VALUES[1].imag
+    )
 
 
 def arrays(form: str, times: list[float], seconds: float) -> bytes:
@@ -231,74 +229,67 @@ def test_of_other_formats_the_same_recording_is_proposed(
 
 @pytest.mark.parametrize("form", ["npz", long("uff")])
 def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
-    running: Browser, service: LocalService, form: str
+    seen: Watched, api: httpx.Client, form: str
 ) -> None:
     """Its hits are seen in the force; where the hammer was is all that is asked. A UFF is read at
     once, so it says first what it lacks.
     """
-    key, name = service.new_key("minutes"), f"minutes.{form}"
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        campaign = new_campaign(api, {"name": "bar"}, boundary="free")
-        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        dropped(page, {name: arrays(form, [1.0, 4.0, 7.0], 10.0)})
-        if form == "uff":
-            page.wait_for_selector("#uploaded .faults:text('the force has several hits')")
-            page.click("button:text('Say where the hammer hit')")
-            page.wait_for_selector(f"form[data-name='{name}'] select[data-kind]")
-        asked = form_of(page, name)
-        assert asked.locator("select[data-kind]").input_value() == "order"
-        quantities = [
-            asked.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)
-        ]
-        assert quantities == ["force", "acceleration"]
-        for point, hits in enumerate((2, 1)):
-            asked.locator("button:text('Add a point')").click()
-            asked.locator(f"[name='recording/order/{point}/point']").fill(str(point + 4))
-            asked.locator(f"[name='recording/order/{point}/hits']").fill(str(hits))
-        known = asked.locator("[name='channels/1/point']").input_value()
-        assert known == ("33" if form == "uff" else "")
-        asked.locator("[name='channels/1/point']").fill("33")
-        if form != "uff":  # which states units and directions
-            asked.locator("[name='channels/1/direction']").select_option("3")
-            for n in (0, 1):
-                asked.locator(f"[name='channels/{n}/sensitivity']").fill("1")
-        press_so(page, api, name)
-        assert (name, "succeeded", 6) in counts(api, campaign)
-        rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]
-        assert sorted({(row["force_point"], row["hit"]) for row in rows}) == [
-            (4, 1),
-            (4, 2),
-            (5, 1),
-        ]
+    name = f"minutes.{form}"
+    campaign = new_campaign(api, {"name": "bar"}, boundary="free")
+    page = seen.goto(f"/ui/campaigns/{campaign}")
+    dropped(page, {name: arrays(form, [1.0, 4.0, 7.0], 10.0)})
+    if form == "uff":
+        page.wait_for_selector("#uploaded .faults:text('the force has several hits')")
+        page.click("button:text('Say where the hammer hit')")
+        page.wait_for_selector(f"form[data-name='{name}'] select[data-kind]")
+    asked = form_of(page, name)
+    assert asked.locator("select[data-kind]").input_value() == "order"
+    quantities = [asked.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
+    assert quantities == ["force", "acceleration"]
+    for point, hits in enumerate((2, 1)):
+        asked.locator("button:text('Add a point')").click()
+        asked.locator(f"[name='recording/order/{point}/point']").fill(str(point + 4))
+        asked.locator(f"[name='recording/order/{point}/hits']").fill(str(hits))
+    known = asked.locator("[name='channels/1/point']").input_value()
+    assert known == ("33" if form == "uff" else "")
+    asked.locator("[name='channels/1/point']").fill("33")
+    if form != "uff":  # which states units and directions
+        asked.locator("[name='channels/1/direction']").select_option("3")
+        for n in (0, 1):
+            asked.locator(f"[name='channels/{n}/sensitivity']").fill("1")
+    press_so(page, api, name)
+    assert (name, "succeeded", 6) in counts(api, campaign)
+    rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]
+    assert sorted({(row["force_point"], row["hit"]) for row in rows}) == [
+        (4, 1),
+        (4, 2),
+        (5, 1),
+    ]
 
 
-def test_what_is_typed_while_other_files_are_read_stays(
-    running: Browser, service: LocalService
-) -> None:
+def test_what_is_typed_while_other_files_are_read_stays(seen: Watched, api: httpx.Client) -> None:
     """A form that is filled in stays while other files are looked at."""
-    key = service.new_key("early")
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        campaign = new_campaign(api, {"name": "bar"}, boundary="free")
-        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        file = {
-            "name": "first.mat",
-            "mimeType": "application/octet-stream",
-            "buffer": arrays("mat", [1.0, 4.0], 7.0),
-        }
-        page.set_input_files("#file", file)
-        point = form_of(page, "first.mat").locator("[name='channels/1/point']")
-        point.fill("4")
-        with held(page, "**/ui/imports/*") as waiting:
-            page.set_input_files(
-                "#file", file | {"name": "second.mat", "buffer": arrays("mat", [1.0, 4.5], 7.5)}
-            )
-            until(waiting, "the second report")
-            until(
-                lambda: all(f["status"] in ENDED for f in sent(api, campaign)),
-                "the end of all imports",
-            )
-        form_of(page, "second.mat").wait_for()
-        assert point.input_value() == "4"
+    campaign = new_campaign(api, {"name": "bar"}, boundary="free")
+    page = seen.goto(f"/ui/campaigns/{campaign}")
+    file = {
+        "name": "first.mat",
+        "mimeType": "application/octet-stream",
+        "buffer": arrays("mat", [1.0, 4.0], 7.0),
+    }
+    page.set_input_files("#file", file)
+    point = form_of(page, "first.mat").locator("[name='channels/1/point']")
+    point.fill("4")
+    with held(page, "**/ui/imports/*") as waiting:
+        page.set_input_files(
+            "#file", file | {"name": "second.mat", "buffer": arrays("mat", [1.0, 4.5], 7.5)}
+        )
+        until(waiting, "the second report")
+        until(
+            lambda: all(f["status"] in ENDED for f in sent(api, campaign)),
+            "the end of all imports",
+        )
+    form_of(page, "second.mat").wait_for()
+    assert point.input_value() == "4"
 
 
 def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:

@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.acceptance.test_browser import overflow, signed_in
-from tests.support.browser import Watched, drawn, held, hindrances, watched_page
+from tests.acceptance.test_browser import overflow
+from tests.support.browser import Watched, drawn, held, hindrances, signed_in, watched_page
 from tests.support.laboratory import BEAM
 from tests.support.lengths import long
 from tests.support.profiles import deck, points
@@ -226,49 +226,47 @@ def a_shape_moves(page: Page) -> None:
 
 
 def test_a_structure_is_solved_before_it_is_measured_and_a_deck_is_its_next_version(
-    running: Browser, service: LocalService
+    seen: Watched, api: httpx.Client
 ) -> None:
-    key = service.new_key("sending")
-    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        project = posted(api, "projects", {"name": "corrected"})["id"]
-        structure = posted(api, f"projects/{project}/structures", BEAM)["id"]
-        page = signed_in(seen, key, f"/ui/structures/{structure}")
-        page.click("summary:text('Solve the nominal model')")
-        page.fill("[name=modes]", "3")
-        page.fill("[name=damping_ratio]", "0.01")
-        page.click("button:text('Solve')")
-        page.wait_for_selector("[aria-label='Modes of the nominal model'] td:text('torsion')")
-        card = page.locator("section[aria-labelledby=forecast]")
-        assert "shows mode" in card.inner_text()
-        card.locator("[data-space]").scroll_into_view_if_needed()
-        page.wait_for_selector(f"section[aria-labelledby=forecast] {READY}")
-        card.locator("[data-space-model]").select_option("2")
+    project = posted(api, "projects", {"name": "corrected"})["id"]
+    structure = posted(api, f"projects/{project}/structures", BEAM)["id"]
+    page = seen.goto(f"/ui/structures/{structure}")
+    page.click("summary:text('Solve the nominal model')")
+    page.fill("[name=modes]", "3")
+    page.fill("[name=damping_ratio]", "0.01")
+    page.click("button:text('Solve')")
+    page.wait_for_selector("[aria-label='Modes of the nominal model'] td:text('torsion')")
+    card = page.locator("section[aria-labelledby=forecast]")
+    assert "shows mode" in card.inner_text()
+    card.locator("[data-space]").scroll_into_view_if_needed()
+    page.wait_for_selector(f"section[aria-labelledby=forecast] {READY}")
+    card.locator("[data-space-model]").select_option("2")
+    until(
+        lambda: "model mode 2" in card.locator("[data-space-said]").inner_text(),
+        "the second mode",
+    )
+    with held(page, "**/mesh/shapes?model=1") as waiting:
+        card.locator("[data-space-model]").select_option("1")
+        until(waiting, "the first mode, on its way")
+        card.locator("[data-space-model]").select_option("3")
         until(
-            lambda: "model mode 2" in card.locator("[data-space-said]").inner_text(),
-            "the second mode",
+            lambda: "model mode 3" in card.locator("[data-space-said]").inner_text(),
+            "the third mode",
         )
-        with held(page, "**/mesh/shapes?model=1") as waiting:
-            card.locator("[data-space-model]").select_option("1")
-            until(waiting, "the first mode, on its way")
-            card.locator("[data-space-model]").select_option("3")
-            until(
-                lambda: "model mode 3" in card.locator("[data-space-said]").inner_text(),
-                "the third mode",
-            )
-            with page.expect_response("**/mesh/shapes?model=1") as late:
-                waiting().pop().continue_()
-            late.value.finished()
-            # what was waiting for it has gone on
-            page.evaluate("new Promise((done) => setTimeout(done))")
-        assert "model mode 3" in card.locator("[data-space-said]").inner_text()
-        assert card.locator("[data-space-measured]").is_hidden()
-        with page.expect_download() as download:
-            card.locator("a:text('UFF')").last.click()
-        assert download.value.suggested_filename == "forecast.uff"
-        assert (hindrances(page), overflow(seen)) == ([], 0)
-        a_deck_is_sent(page)
-        assert ok(api.get(f"structures/{structure}"))["version"] == 2
-        assert hindrances(page) == []
+        with page.expect_response("**/mesh/shapes?model=1") as late:
+            waiting().pop().continue_()
+        late.value.finished()
+        # what was waiting for it has gone on
+        page.evaluate("new Promise((done) => setTimeout(done))")
+    assert "model mode 3" in card.locator("[data-space-said]").inner_text()
+    assert card.locator("[data-space-measured]").is_hidden()
+    with page.expect_download() as download:
+        card.locator("a:text('UFF')").last.click()
+    assert download.value.suggested_filename == "forecast.uff"
+    assert (hindrances(page), overflow(seen)) == ([], 0)
+    a_deck_is_sent(page)
+    assert ok(api.get(f"structures/{structure}"))["version"] == 2
+    assert hindrances(page) == []
 
 
 def a_deck_is_sent(page: Page) -> None:

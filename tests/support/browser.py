@@ -106,6 +106,11 @@ class Watched:
             lambda error: self.complaints.append(f"uncaught: {error} ({self.page.url})"),
         )
 
+    def goto(self, path: str) -> Page:
+        """Go to a page in the tab that is open."""
+        self.page.goto(path)
+        return self.page
+
     def _heard(self, message: ConsoleMessage) -> None:
         # pixels go to the page by way of memory
         of_the_card = "GL Driver Message (OpenGL, Performance" in message.text
@@ -206,6 +211,13 @@ def watched_page(
             page.close()
         context.clear_cookies()
         context.clear_permissions()
+
+
+def signed_in(seen: Watched, key: str, path: str = "") -> Page:
+    """Begin a session, as the form of the sign-in does, and go to a page where one is named."""
+    begun = seen.context.request.post("/api/v1/session", headers={"Authorization": f"Bearer {key}"})
+    assert begun.status == 201
+    return seen.goto(path) if path else seen.page
 
 
 def answered(page: Page, yes: bool) -> str:
