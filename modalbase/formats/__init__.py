@@ -2,6 +2,7 @@
 element core.
 
 registry                        the table of formats of measured data
+foreign                         formats of other programs, and what to export instead
 recognise                       a file's format, by its content
 units, coordinates, dof_names   units by name; curved axes; points and directions in names
 types, constants, errors        what all of them share
