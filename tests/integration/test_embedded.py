@@ -2,11 +2,14 @@
 
 import os
 import shutil
+import signal
 import stat
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from threading import Event, Thread
 
 import psutil
 import psycopg
@@ -21,6 +24,7 @@ from service.platform.db.opening import (
 )
 from service.platform.db.postgres import Cluster, PostgresError, programs
 from service.platform.settings import Settings
+from tests.support.command import living
 from tests.support.waiting import until
 
 LONG = "a-folder-with-a-long-name" * 6
@@ -69,6 +73,39 @@ def test_any_path_will_do(folder: Path, cluster: Path, name: str) -> None:
     assert not (data / ".socket").exists()
     # nothing stays in the temporary folder
     assert data in socket_of(again).parents or not socket_of(again).exists()
+
+
+def test_a_start_that_is_interrupted_leaves_no_server(folder: Path, cluster: Path) -> None:
+    """While `pg_ctl start` runs, which is over soon: until one of the starts was met."""
+    data = filled(folder / "data", cluster)
+    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    try:
+        for _ in range(50):
+            over = Event()
+            watching = Thread(target=interrupt_the_start, args=(over,))
+            watching.start()
+            try:
+                with embedded_server(data):
+                    over.set()
+            except SystemExit:
+                break
+            finally:
+                over.set()
+                watching.join()
+        else:
+            pytest.fail("no start was met")
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert not living(data)
+
+
+def interrupt_the_start(over: Event) -> None:
+    while not over.is_set():
+        for child in psutil.Process().children():
+            with suppress(psutil.Error):
+                if child.name() == "pg_ctl" and "start" in child.cmdline():
+                    os.kill(os.getpid(), signal.SIGTERM)
+                    return
 
 
 def test_files_are_made_under_any_path_and_no_folder_of_others_changes_its_mode(

@@ -206,6 +206,9 @@ class Cluster:
     def _run(self, program: str, *words: str) -> None:
         """Run one of PostgreSQL's programs on the files, which it takes from the environment:
         `pg_ctl` would put their path in a shell's command.
+
+        Who is interrupted meanwhile (SIGTERM, Ctrl-C) goes on once the program has ended: a server
+        whose `pg_ctl` is killed goes on starting, and has no `postmaster.pid` yet to be stopped by.
         """
         keep = {
             name: value
@@ -213,24 +216,29 @@ class Cluster:
             if not name.startswith(("MODALBASE_", "PG"))
         }
         with tempfile.TemporaryFile() as output:  # a pipe would stay open in the server
-            done = subprocess.run(
+            process = subprocess.Popen(
                 [*_as_owner(self.files), str(programs() / program), *words],
                 cwd=self.files,
                 env=keep | {"PGDATA": str(self.files), "LC_ALL": "C"},
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                check=False,
+                start_new_session=True,  # Ctrl-C is ours
             )
+            try:
+                status = process.wait()
+            except BaseException:
+                process.wait()
+                raise
             output.seek(0)
             lines = output.read().decode(errors="replace").split("\n")
-        if done.returncode:
+        if status:
             written = [line.strip() for line in lines if line.strip()]
             reasons = [line for line in written if "error:" in line or "FATAL" in line] or written[
                 -1:
             ]
             raise PostgresError(
-                reasons[0] if reasons else f"{program} ended with status {done.returncode}"
+                reasons[0] if reasons else f"{program} ended with status {status}"
             )
 
 
