@@ -10,10 +10,11 @@ import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -28,6 +29,8 @@ _OPEN = b"UnFinMF "
 """How a file begins that its recorder did not close."""
 _LOST = 0.5
 """Part of a step by which a time channel that is rounded may be uneven: no sample is missing then."""
+_PIECE_BYTES = 1 << 22
+_Bools = np.ndarray[Any, np.dtype[np.bool_]]
 _TIME = 1
 """Type of a master channel that counts time."""
 
@@ -152,17 +155,14 @@ class Mdf(OwnClocks):
         for group in dict.fromkeys(self.channels[name].group for name in names):
             own = [name for name in names if self.channels[name].group == group]
             first = skipped[own[0]] + at
-            read = file.select(
-                [(None, group, self.channels[name].index) for name in own],
-                record_offset=first,
-                record_count=count,
-                copy_master=False,
-            )
-            for name, signal in zip(own, read, strict=True):
-                if signal.invalidation_bits is not None and np.any(signal.invalidation_bits):
-                    bad = first + int(np.argmax(np.asarray(signal.invalidation_bits))) + 1
+            places = [self.channels[name].index for name in own]
+            for name, (samples, invalid) in zip(
+                own, _values(file, group, places, first, count), strict=True
+            ):
+                if invalid.any():
+                    bad = first + int(np.argmax(invalid)) + 1
                     raise FormatError(name, f"is invalid at sample {bad}, as the file says")
-                rows[name] = _whole(name, signal.samples, count, first)
+                rows[name] = _whole(name, samples, count, first)
         return [rows[name] for name in names]
 
 
@@ -213,7 +213,14 @@ def _opened(path: Path) -> Iterator[Any]:
     reader = FORMATS["mdf"].dependency("asammdf")
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it would print what is damaged
     try:
-        with reader.MDF(path, process_bus_logging=False) as file:
+        # of a stream, as a path is mapped into memory; but what is not closed asammdf mends by its path
+        with (
+            path.open("rb") as raw,
+            reader.MDF(_source(raw, path), process_bus_logging=False) as file,
+        ):
+            for group in file.groups if file.version >= "4" else ():
+                blocks = [piece for block in group.data_blocks for piece in _pieces(block)]
+                group.data_blocks[:] = blocks
             yield file
     except FormatError:
         raise
@@ -223,6 +230,58 @@ def _opened(path: Path) -> Iterator[Any]:
         )
         why = " ".join(str(error).split())[:200] if is_in_words else "it is damaged, or cut off"
         raise FormatError("", f"cannot be read as MDF: {why}; export it anew, or as CSV") from None
+
+
+def _source(raw: BinaryIO, path: Path) -> BinaryIO | Path:
+    is_open = raw.read(len(_OPEN)) == _OPEN
+    raw.seek(0)
+    return path if is_open else raw
+
+
+def _values(
+    file: Any, group: int, channels: Sequence[int], at: int, count: int
+) -> list[tuple[FloatArray, _Bools]]:
+    """So many values of these channels of a group, and which of them are invalid, empty where the
+    file says of none.
+
+    Of a part of a group asammdf's own `select` and `get` prepare as much as the whole group takes, of
+    a day 2 GB; of bytes that are given only those.
+    """
+    own = file.groups[group]
+    if file.version < "4" or own.channel_group.invalidation_bytes_nr:
+        where = [(None, group, index) for index in channels]
+        read = file.select(where, record_offset=at, record_count=count, copy_master=False)
+        return [(each.samples, _invalid(each)) for each in read]
+    values = [
+        [file.get(group=group, index=index, data=part, samples_only=True)[0] for index in channels]
+        for part in file._mdf._load_data(own, record_offset=at, record_count=count)
+    ]
+    if not values:
+        return [(np.zeros(0), np.zeros(0, bool))] * len(channels)
+    rows = [np.concatenate(each) for each in zip(*values, strict=True)]
+    return [(row, np.zeros(0, bool)) for row in rows]
+
+
+def _invalid(signal: Any) -> _Bools:
+    bits = signal.invalidation_bits
+    return np.zeros(0, bool) if bits is None else np.asarray(bits, bool)
+
+
+def _pieces(block: Any) -> list[Any]:
+    """A block of samples in pieces, where it lies in the file as it is: for any part of a block
+    asammdf reads the whole, and a simple recorder writes a day as one.
+    """
+    plain = not block.block_type and block.invalidation_block is None and block.block_limit is None
+    size = block.original_size or 0
+    if not plain or size <= _PIECE_BYTES:
+        return [block]
+    pieces = []
+    for first in range(0, size, _PIECE_BYTES):
+        piece = copy(block)
+        piece.address = block.address + first
+        piece.original_size = piece.compressed_size = min(_PIECE_BYTES, size - first)
+        pieces.append(piece)
+    return pieces
 
 
 def _channels(file: Any) -> dict[str, Channel]:
@@ -239,14 +298,18 @@ def _channels(file: Any) -> dict[str, Channel]:
         for index, channel in enumerate(group.channels):
             if index == file.masters_db.get(number):
                 continue
-            one = file.get(group=number, index=index, record_count=1)
-            samples = np.asarray(one.samples)
+            ((samples, _),) = _values(file, number, [index], 0, 1)
             if samples.dtype.kind not in "iuf" or samples.ndim != 1:
                 continue
             name = f"{label}/{channel.name}"
             name = name if times[channel.name] == 1 else f"{name}#{index}"
-            channels[name] = Channel(number, index, samples.dtype, (one.unit or "").strip())
+            channels[name] = Channel(number, index, samples.dtype, _unit(channel))
     return channels
+
+
+def _unit(channel: Any) -> str:
+    """That a channel or its conversion states."""
+    return str(getattr(channel.conversion, "unit", "") or channel.unit or "").strip()
 
 
 def _title(group: Any) -> str:
