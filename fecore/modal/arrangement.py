@@ -7,8 +7,8 @@ H_ji both give a column of the FRF matrix, and the mode shape is found at the do
 Campaigns with several fixed dofs, or with both rows and columns of the matrix, are covered too: the
 fixed dofs are the fewest that touch every FRF.
 
-In a window of lines the M rows of FRFs share a denominator of order n with
-complex coefficients, in z = exp(i(ω - ω₀)T), which maps the window to 0.95 of the circle:
+In a window of lines the M rows of FRFs share a denominator of order n with complex coefficients, in
+z = exp(i(ω - ω₀)T), which maps the window to 0.95 of the circle:
 
     H_m(z) = (Σ_r β_mr z^r) / (Σ_r α_r z^r),    r = 0 … n,    α_n = 1,
 
@@ -16,10 +16,8 @@ and Σ_r β_mr z^r - H_m Σ_r α_r z^r is made small in the weighted least-squar
 Verboven and Vanlanduit 1998). The β_m are eliminated; the poles are the eigenvalues of the
 companion matrix of the α. Complex coefficients spare the mirror poles and let the numerators stand
 for all that lies outside the window. All inner products are Toeplitz in r: moments Σ_l w (...) z^k.
-Windows of 220 and of 75 lines see modes of some lines; the same windows on the means of 4 and of 16
-lines see broad ones. A pole of the structure comes back from order to order and from window to
-window; the median of such a cluster is a candidate. The estimate is biased by noise: it is a start
-for the refinement and the stuff of the stabilisation diagram, nothing more.
+A pole of the structure comes back from order to order and from window to window; the median of such
+a cluster is a candidate. Noise biases it: it is a start for the refinement, nothing more.
 """
 
 from __future__ import annotations

@@ -4,8 +4,7 @@ The FRFs of one structure are real combinations of as many functions of frequenc
 and residual terms, so N FRFs span few dimensions above their noise. With a_i the noise of FRF i,
 the rows H_i/a_i (real beside imaginary parts) have a singular value decomposition U S Vᵀ; its
 leading rows UᵀH/a are themselves FRFs with the same poles: real combinations keep the conjugate
-symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all
-FRFs.
+symmetry of the series.
 
 The candidates that pay are taken (`matching_pursuit`). Then all poles are refined together, poles
 that no longer pay leave, and the residual offers new candidates, a few rounds in all.
@@ -19,9 +18,7 @@ test are linear in their residues, so
 
 is found on a grid, with one decomposition of Φ for all tests (a separable problem; Golub and
 Pereyra 2003). A test drifts at most five times as far as half of them do: that is all the prior.
-Poles that lie side by side, as a drift makes them, are one in this series. Drift and poles are
-found in turn while the series with the drift costs less (Akaike, by independent lines) than the
-series with the twins and without.
+Poles that lie side by side, as a drift makes them, are one in this series.
 """
 
 from __future__ import annotations

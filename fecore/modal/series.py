@@ -528,8 +528,9 @@ def one_minus_leverage(
 def matching_pursuit(
     arrangement: Arrangement, fit: LinearFit, pool: ComplexArray, room: int, beside: int, tau: float
 ) -> ComplexArray:
-    """The candidates of a pool that pay, most gain first, each on top of those before it (orthogonal
-    matching pursuit).
+    """The candidates of a pool that pay, at most so many, most gain first, each on top of those before
+    it (orthogonal matching pursuit). The FRFs stand for so many more beside them, and the price of
+    an unknown is multiplied by tau.
 
     A pole that is not in the series, all other coefficients fitted anew, lowers χ² by
     rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their projection on the series: a 2x2 problem.
@@ -539,14 +540,6 @@ def matching_pursuit(
     2. Gains: what each candidate lowers the misfit by, where columns are left of it.
     3. Take: the candidate of the largest gain, while it pays.
     4. Project: its columns leave all products, and what overlaps it leaves the pool.
-
-    Args:
-        arrangement: the FRFs.
-        fit: the series that they have.
-        pool: candidates, rad/s.
-        room: most that are taken.
-        beside: number of further FRFs that the fitted ones stand for.
-        tau: lines that are worth one, by which the price of an unknown is multiplied.
     """
     pool = pool[~overlapping(pool, fit.terms.poles, _SAME)]
     if not pool.size or room <= 0:
