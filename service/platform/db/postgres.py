@@ -237,9 +237,7 @@ class Cluster:
             reasons = [line for line in written if "error:" in line or "FATAL" in line] or written[
                 -1:
             ]
-            raise PostgresError(
-                reasons[0] if reasons else f"{program} ended with status {status}"
-            )
+            raise PostgresError(reasons[0] if reasons else f"{program} ended with status {status}")
 
 
 def programs() -> Path:
