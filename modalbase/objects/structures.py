@@ -246,7 +246,11 @@ class Monitor(Attached, Editable):
         ended = [_time(run["finished_at"]) for run in runs if run["finished_at"] is not None]
         if not ended or status in (None, "queued", "running"):
             return False
-        return status != "succeeded" or _time(series["assessed_at"]) >= max(ended)
+        if status != "succeeded":
+            return True
+        # of the same answer, but read a moment before the state: it may be that of before
+        assessed = series["assessed_at"]
+        return assessed is not None and _time(assessed) >= max(ended)
 
     def series(self, number: int | None = None, **part: Any) -> dict[str, Any]:
         """Values with their uncertainty, baseline, limits, alarms and campaigns.
