@@ -10,8 +10,9 @@ In the order of the data:
 - `series`: the modal series, its coefficients in all FRFs by linear least squares, and which more
   poles lower the misfit.
 - `judge`: what speaks for a pole being a mode, and one probability of that.
-- `refine`: fits at given poles, at the poles of least misfit, and the errors of these; which poles
-  may be modes.
+- `errors`: how far poles may be off: errors that last over lines, and tests that differ.
+- `refine`: fits at given poles and at the poles of least misfit, with their errors; which poles may
+  be modes.
 - `search`: the few combinations of many FRFs; which poles these need, and how the structure
   drifted between the tests.
 - `shapes`: residues to shapes; two modes under one pole.

@@ -16,11 +16,11 @@ from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement, arrange, clusters, linear_estimates, octaves
+from fecore.modal.errors import error_model
 from fecore.modal.findings import finding, not_used
 from fecore.modal.judge import REFUSED, evidence_of, judge, no_mode_message
 from fecore.modal.prepare import noise_of, prepare
 from fecore.modal.refine import (
-    ErrorModel,
     LinearFit,
     plausible,
     refine,
@@ -214,15 +214,13 @@ def identify(
     # what poles that are rather no modes take up, and the background, is error too
     others = shared_error(arrangement, fit.without(arrangement, rather_not))
     shared[~rather_not] = np.maximum(shared[~rather_not], others)
-    changes = (
-        np.log(fit.terms.frequency_hz / start.frequency_hz),
-        fit.terms.damping_ratio - start.damping_ratio,
+    change = np.concatenate(
+        [
+            np.log(fit.terms.frequency_hz / start.frequency_hz),
+            fit.terms.damping_ratio - start.damping_ratio,
+        ]
     )
-    shift = None if growth is None else growth.shift
-    errors = ErrorModel(
-        fit.residual_memory, arrangement.session, shared, np.concatenate(changes), shift
-    )
-    fit = replace(fit, errors=errors)
+    fit = fit.with_errors(error_model(arrangement, fit, shared, change, growth))
     fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
     significance = fit.gains / (fit.pole_price * fit.memory)
     # 12. Separate.

@@ -14,20 +14,6 @@ every J_i is a combination of the same 2n derivative columns.
 
 The variance follows the local misfit, v_il = g_i p_l, at least the noise. A pole is worth its place
 where χ² would rise without it by more than Akaike's price of 2 for each unknown.
-
-A series leaves more of measured FRFs than noise. Hits beside the point, cables and slight
-non-linearity make errors that grow with the FRF and are smooth over some lines. A line is then
-worth less than one: with the correlation ρ_j of the standardised residual j lines apart, n lines
-are worth n/τ, τ = 1 + 2 Σ_j ρ_j. Errors that all FRFs share do not become less by their number: a
-joint that high hits open, a spring that is not linear. In the shape of mode k, m_ik its part in FRF
-i, they are the relative error of its curve,
-
-    e_k(l) = Σ_i w_i m̄_ik r_i / Σ_i w_i |m_ik|².
-
-A pole takes up most of such an error as a shift. Where a spring makes the frequency of a mode
-depend on its amplitude, which falls as e^{-σt}, its curve gains iδ/2 (1/(σ + iΔ) - 1/(3σ + iΔ)), Δ
-the distance in frequency and δ half bandwidths the shift at first. By least squares on the lines
-about it the pole shifts by 0.19 δ and leaves an rms e of 0.047 δ: a shift of 4 e.
 """
 
 from __future__ import annotations
@@ -40,7 +26,8 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
-from fecore.modal.arrangement import MANY, WHOLE, Arrangement
+from fecore.modal.arrangement import WHOLE, Arrangement
+from fecore.modal.errors import SHIFT, ErrorModel, widened
 from fecore.modal.judge import REFUSED, Growth, evidence_of, probability
 from fecore.modal.series import (
     PRICE,
@@ -51,6 +38,7 @@ from fecore.modal.series import (
     at_lines,
     bounded_step,
     columns,
+    correlation,
     derivatives,
     expanded,
     memory,
@@ -81,8 +69,6 @@ HOPELESS = 0.001
 
 _WORTH = 30.0  # times its price that a pole gains which may stay all the same
 
-# half bandwidths by which a pole is off over the relative error that all FRFs share
-_SHIFT = 4.0
 # what hits of usual height change, over what one standard deviation of their heights (a factor of
 # 1.6 of a spring's force y³, where hits count by their power)
 _OF_HEIGHT = 2.0
@@ -142,7 +128,7 @@ class LinearFit:
     @cached_property
     def residual_memory(self) -> float:
         """Number of lines of the residual that are worth one, see `memory`."""
-        return memory(self.residual, self.variance, self.weight > 0, self.model)
+        return memory(correlation(self.residual, self.variance, self.weight > 0, self.model))
 
     def part(self, which: IntArray) -> ComplexArray:
         """(N, L) what some of the terms' columns make of the FRFs."""
@@ -281,19 +267,6 @@ def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
     )
 
 
-@dataclass(frozen=True)
-class ErrorModel:
-    """What is known of the errors of a fit's poles, beside the variance of the values."""
-
-    memory: float  # number of lines that count as one independent line
-    sessions: IntArray  # (N,) number of the test that each FRF belongs to
-    shared: FloatArray  # (n,) relative error of each mode's curve that all FRFs share
-    # (parameters,) change of ln ω and ζ where the values are weighted in another way, and with the
-    # height of the hits where that is known
-    change: FloatArray
-    shift: FloatArray | None = None
-
-
 @dataclass(frozen=True, kw_only=True)
 class PoleFit(LinearFit):
     """A model fitted to all FRFs."""
@@ -306,6 +279,13 @@ class PoleFit(LinearFit):
     free: IntArray  # (m,) numbers of the poles that are refined, whose f and ζ are the parameters
     scores: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
     errors: ErrorModel | None = None  # what is known of them, beside their variance
+
+    def with_errors(self, errors: ErrorModel) -> PoleFit:
+        """The fit with its errors, stating the mean over tests where these know it."""
+        if errors.mean is None:
+            return replace(self, errors=errors)
+        move = np.concatenate([errors.mean.move, np.zeros(self.terms.pairs)])
+        return replace(self, errors=errors, terms=self.terms.moved(move))
 
     @property
     def memory(self) -> float:
@@ -329,11 +309,14 @@ class PoleFit(LinearFit):
         )
 
     @property
+    def excess(self) -> float:
+        """Variance of the residual over the stated noise, at least 1."""
+        return max(1.0, self.chi_squared / self.freedom)
+
+    @property
     def inflation(self) -> float:
-        """Factor of all variances: the residual's size over the stated noise, and the lines that
-        are worth one.
-        """
-        return max(1.0, self.chi_squared / self.freedom) * self.memory
+        """Factor of the variances of residues: the excess, and the lines that are worth one."""
+        return self.excess * self.memory
 
     def growth(self, arrangement: Arrangement) -> Growth | None:
         """What harder hits change, where it is known of all FRFs.
@@ -375,52 +358,35 @@ class PoleFit(LinearFit):
     @cached_property
     def parameter_covariance(self) -> FloatArray:
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the
-        stated noise.
+        stated noise, each by the lines that are worth one for it.
 
         A null direction of the information gives its own parameters a large variance and touches no
         other. Where the sessions are known, each standard deviation is at least what the scatter
         between them shows (`widened`). Errors e that all FRFs share are taken to have shifted a
-        pole by `_SHIFT` e half bandwidths. Then each is at least the change under other weights:
+        pole by `SHIFT` e half bandwidths. Then each is at least the change under other weights:
         where the series is the whole truth, both fits estimate the same poles, and differ by what
         noise does to them (Hausman 1978). What changes with the height of hits, beyond its variance, is
-        off by as much and more at none.
+        off by as much and more at none, or by what all FRFs share: the larger, as one spring makes both.
+        Frequencies that are means over the sessions have the variance of these.
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
         part = np.where(vector.T**2 > 1e-4, vector.T**2, 0.0)  # less is round-off
         inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / VAGUE, 0.0) @ part
         inverse = inverse / scale[:, None] / scale
-        if self.errors is None:
-            return np.asarray(inverse * self.inflation)
-        shifts = np.tile((_SHIFT * self.errors.shared * self.terms.damping_ratio) ** 2, 2)
-        spread = widened(inverse, self.inflation, self.scores, self.errors.sessions)
-        spread = spread + np.diag(shifts)
-        own = np.diag(spread)
-        lacking = np.maximum(np.square(self.errors.change) - own, 0.0)
-        if self.errors.shift is not None:
-            lacking += _OF_HEIGHT**2 * np.maximum(np.square(self.errors.shift) - own, 0.0)
-        return np.asarray(spread + np.diag(lacking))
-
-
-def widened(
-    inverse: FloatArray, inflation: float, scores: FloatArray, sessions: IntArray
-) -> FloatArray:
-    """The covariance H⁻¹ times the inflation, each standard deviation at least what the scatter
-    between sessions shows:
-
-    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1), g_s the sessions' own gradients about the optimum (White
-    1980, for clusters Liang and Zeger 1986). It asks nothing of the errors within a session, so it
-    holds where these last over lines, channels or modes. Of S sessions it is known to 1 ± 1/√(2(S -
-    1)).
-    """
-    factor = np.sqrt(inflation) * np.ones(len(inverse))
-    if (count := int(sessions.max()) + 1) >= MANY:
-        sums = np.zeros((count, scores.shape[1]))
-        np.add.at(sums, sessions, scores)
-        between = np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1))
-        usual = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
-        factor = np.maximum(factor, between / usual / (1 + 1 / np.sqrt(2 * count - 2)))
-    return np.asarray(inverse * np.outer(factor, factor))
+        if (errors := self.errors) is None:
+            return np.asarray(inverse * self.excess)
+        inflation = self.excess * errors.lasting
+        spread = widened(inverse, inflation, self.scores, errors.sessions, errors.leverage)
+        shared = np.tile((SHIFT * errors.shared * self.terms.damping_ratio) ** 2, 2)
+        own, factor = np.diag(spread), np.ones(len(spread))
+        lacking = np.maximum(np.square(errors.change) - own - shared, 0.0)
+        if errors.shift is not None:
+            shared = np.maximum(shared, _OF_HEIGHT**2 * (np.square(errors.shift) - own))
+        if errors.mean is not None:
+            least, n = np.diag(inverse) * inflation, self.terms.pairs
+            factor[:n] = np.sqrt(np.maximum(errors.mean.variance, least[:n]) / own[:n])
+        return np.asarray(spread * np.outer(factor, factor) + np.diag(shared + lacking))
 
 
 def refine(

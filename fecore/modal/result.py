@@ -63,14 +63,10 @@ class FittedSeries:
     def covariance(self) -> FloatArray:
         """(2n, 2n) covariance of (ln f, ζ).
 
-        The mean of as many drifts as there are tests is common to all frequencies. Where the mass
-        of a roving sensor moves them, modes do not drift alike: each may be off by the mean of the
-        drifts by its own power in the FRFs.
+        The mean of as many drifts as there are tests is common to all frequencies.
         """
         covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
-        power = np.abs(self.fit.residues) ** 2
-        own = self.drift @ power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
-        covariance[:n, :n] += self.drift.var() / self.arrangement.sessions + np.diag(own**2)
+        covariance[:n, :n] += self.drift.var() / self.arrangement.sessions
         return covariance
 
     @property

@@ -180,6 +180,17 @@ def derivatives(
     return rows.T
 
 
+def free_slopes(
+    omega: FloatArray, terms: Terms, power: int, linear: Coefficients, root: FloatArray
+) -> ComplexArray:
+    """(L, 2n) the derivative columns less their projection on the frame of a fit, under the square of
+    its weight's root (L,).
+    """
+    steep = derivatives(omega, terms, power, linear.basis[:, : 2 * terms.pairs])
+    onto = linear.turn.T @ real_part(linear.basis.T, (root[:, None] ** 2 * steep).T)
+    return steep - expanded((linear.turn @ onto).T, linear.basis).T
+
+
 def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
     """(n,) ∂s_k/∂ln ω_k and ∂s_k/∂ζ_k.
 
@@ -593,11 +604,10 @@ def matching_pursuit(
     return pool[taken]
 
 
-def memory(
+def correlation(
     residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray
-) -> float:
-    """τ, the number of lines that are worth one, from the correlation of the standardised residual;
-    at least 1.
+) -> FloatArray:
+    """(m,) ρ, the correlation of the standardised residual 0 to m - 1 lines apart, where it ends.
 
     The error is taken relative to the model, for a relative error turns with the phase of a
     resonance, and lines count by their signal to noise: what matters for a mode are the lines where
@@ -608,14 +618,23 @@ def memory(
     z = z / np.maximum(1.0, np.abs(z) / _CAP)
     z = z * model.conj() / np.sqrt(variance)
     lines = z.shape[1]
-    size = 1 << int(2 * lines - 1).bit_length()
-    power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
+    power = np.sum(np.abs(np.fft.fft(z, padded(lines), axis=1)) ** 2, axis=0)
     lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
     if not lagged[0] > 0:
-        return 1.0
-    rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
+        return np.ones(1)
+    rho = lagged / lagged[0] / (1 - np.arange(lagged.size) / lines)
     ends = np.flatnonzero(rho < _STILL)
-    return float(1 + 2 * np.sum(rho[: ends[0] if ends.size else rho.size]))
+    return np.asarray(rho[: ends[0] if ends.size else rho.size])
+
+
+def padded(lines: int) -> int:
+    """A length of transforms in which so many lines do not meet themselves."""
+    return 1 << (2 * lines - 1).bit_length()
+
+
+def memory(rho: FloatArray) -> float:
+    """τ, the number of lines that are worth one, by their correlation; at least 1."""
+    return max(1.0, float(2 * np.sum(rho) - 1))
 
 
 def shared_error(arrangement: Arrangement, fit: LinearFit) -> FloatArray:

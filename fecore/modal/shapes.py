@@ -32,8 +32,9 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.findings import Finding
 from fecore.modal.arrangement import CLEAR, Arrangement
+from fecore.modal.errors import widened
 from fecore.modal.findings import finding
-from fecore.modal.refine import PoleFit, widened
+from fecore.modal.refine import PoleFit
 from fecore.modal.series import (
     DAMPING_RANGE,
     Terms,

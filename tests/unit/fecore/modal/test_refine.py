@@ -11,10 +11,17 @@ from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import identify
 from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.refine import ErrorModel, PoleFit, refine
+from fecore.modal.errors import (
+    ErrorModel,
+    information_of_tests,
+    mean_over_tests,
+    memory_of_poles,
+)
+from fecore.modal.refine import PoleFit, refine
 from fecore.modal.series import (
     Terms,
     columns,
+    correlation,
     mean_weight,
     memory,
     orthonormal,
@@ -53,7 +60,13 @@ TERMS = Terms(HZ, ZETA, (0,))
 def assessed(fit: PoleFit, **known: Any) -> PoleFit:
     """The fit with errors of which no more is known than this."""
     n = fit.terms.pairs
-    nothing = ErrorModel(1.0, np.zeros(FRFS, dtype=np.int64), np.zeros(n), np.zeros(2 * n))
+    nothing = ErrorModel(
+        memory=1.0,
+        lasting=np.ones(2 * n),
+        sessions=np.zeros(FRFS, dtype=np.int64),
+        shared=np.zeros(n),
+        change=np.zeros(2 * n),
+    )
     return replace(fit, errors=replace(nothing, **known))
 
 
@@ -111,10 +124,11 @@ def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
     )
     np.testing.assert_allclose(fit.residue_variance, residues * inflation, rtol=1e-6)
     np.testing.assert_allclose(fit.scores, score, rtol=1e-6, atol=1e-9 * np.abs(score).max())
-    longer = assessed(fit, memory=3.0)
+    longer = assessed(fit, memory=3.0, lasting=np.array([2.0, 3.0, 4.0, 1.0]))
     assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
+    root = np.sqrt([2.0, 3.0, 4.0, 1.0])
     np.testing.assert_allclose(
-        longer.parameter_covariance, 3 * fit.parameter_covariance, rtol=1e-12
+        longer.parameter_covariance, np.outer(root, root) * fit.parameter_covariance, rtol=1e-12
     )
 
 
@@ -314,6 +328,10 @@ def test_a_pair_needs_more_lines_than_unknowns() -> None:
     assert PairProblem.about(few, fit, 0) is None
 
 
+def worth_one(*known: Any) -> float:
+    return memory(correlation(*known))
+
+
 @pytest.mark.parametrize("rho", [0.0, 0.6])
 def test_lines_that_share_their_error_count_less(rho: float) -> None:
     """An autoregressive error: ρ_j = ρʲ, summed while it is above 0.05, so that τ = 1 + 2 (ρ + ...
@@ -331,28 +349,83 @@ def test_lines_that_share_their_error_count_less(rho: float) -> None:
         np.ones(shape, dtype=bool),
         np.ones(shape, dtype=complex),
     )
-    assert memory(error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
+    assert worth_one(error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
     level = np.exp(random.standard_normal(512))
-    assert memory(error * level, variance * level**2, everywhere, level * flat) == pytest.approx(
+    assert worth_one(error * level, variance * level**2, everywhere, level * flat) == pytest.approx(
         expected, rel=0.03
     )
-    assert memory(1e-6 * error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
+    assert worth_one(1e-6 * error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
     # an error relative to a model that turns
     turning = np.exp(1j * np.linspace(0, 300, 512)) * np.ones(shape)
-    assert memory(error * turning, variance, everywhere, turning) == pytest.approx(
+    assert worth_one(error * turning, variance, everywhere, turning) == pytest.approx(
         expected, rel=0.05
     )
     spike = error.copy()
     # counts as three standard deviations: 9 beside the 511 of the other lines
     spike[:, 200] *= 1000
-    hidden = memory(spike, variance, everywhere, flat)
-    plain = memory(error, variance, everywhere, flat)
+    hidden = worth_one(spike, variance, everywhere, flat)
+    plain = worth_one(error, variance, everywhere, flat)
     assert 0.97 * (plain - 1) <= hidden - 1 <= plain - 1 + 0.01
-    assert memory(0 * flat, variance, everywhere, flat) == 1.0
+    assert worth_one(0 * flat, variance, everywhere, flat) == 1.0
     whole = np.ones((1, 40))  # one error on all lines, seen over a quarter of them
-    assert memory(whole.astype(complex), whole, whole > 0, whole.astype(complex)) == pytest.approx(
-        1 + 2 * 10, rel=1e-9
+    assert worth_one(
+        whole.astype(complex), whole, whole > 0, whole.astype(complex)
+    ) == pytest.approx(1 + 2 * 10, rel=1e-9)
+
+
+@pytest.mark.parametrize("lasts", [3.0, 30.0])
+def test_an_error_that_is_smooth_over_a_resonance_hardly_moves_its_pole(lasts: float) -> None:
+    """Relative errors that last over so many lines, of half bandwidths of 4 and 13: the scores of
+    300 FRFs scatter by τ_b times their information, far less than τ where errors last longest.
+    """
+    exact, random = measured(noise=0.0, line=0.25), np.random.default_rng(5)
+    level, rho = (
+        np.sqrt(np.mean(np.abs(exact.values) ** 2, axis=0)),
+        np.exp(-np.arange(120) / lasts),
     )
+    variance = np.tile(1e-4 * level**2, (FRFS, 1))
+    fit = refine(exact, TERMS, variance, steps=0)
+    seen = np.zeros(4)
+    for _ in range(25):
+        error = random.standard_normal((*exact.values.shape, 2)) @ [1, 1j] * np.sqrt(0.5)
+        for line in range(1, error.shape[1]):
+            error[:, line] *= np.sqrt(1 - rho[1] ** 2)
+            error[:, line] += rho[1] * error[:, line - 1]
+        turned = exact.values / np.abs(exact.values)
+        off = replace(exact, values=exact.values + 0.01 * error * level * turned)
+        scores = refine(off, TERMS, variance, steps=0).scores
+        seen += np.sum(scores**2, axis=0) / np.diag(fit.information) / 25
+    expected = memory_of_poles(exact, fit, rho)
+    np.testing.assert_allclose(seen, expected, rtol=0.3)
+    assert bool(expected.max() < memory(rho) / 2) is (lasts > 13)
+
+
+@pytest.mark.parametrize(("pull", "moved"), [(1e-3, True), (0.0, False), (-1e-3, False)])
+def test_a_frequency_is_the_mean_over_the_tests_of_a_roving_sensor(
+    pull: float, moved: bool
+) -> None:
+    """A sensor's mass pulls the first mode down by the square of its shape where it stands: nothing
+    that pulls up is one, nor a hammer.
+    """
+    random, lines = np.random.default_rng(7), np.arange(60.0, 220.5, 0.25)
+    shapes, s = random.standard_normal((FRFS, 2)), 2j * np.pi * lines
+    hz = HZ * (1 - pull * shapes**2 * [1, 0])
+    omega = 2 * np.pi * hz[:, :, None]
+    values = np.sum(shapes[:, :, None] / (s**2 + 2 * ZETA[:, None] * omega * s + omega**2), axis=1)
+    white = random.standard_normal((*values.shape, 2)) @ [1e-8, 1e-8j]
+    dofs = tuple(Dof(i + 1, 3) for i in range(FRFS))
+    arrangement = arrange(FrfSet(lines, values + white, dofs, (Dof(99, 3),) * FRFS, "receptance"))
+    fit = refine(arrangement, TERMS, np.full(values.shape, 2e-16))
+    information = information_of_tests(arrangement, fit)
+    mean = mean_over_tests(arrangement, fit, information)
+    assert (mean is not None) is moved
+    hammer = tuple((response, reference) for reference, response in arrangement.pairs)
+    assert mean_over_tests(replace(arrangement, pairs=hammer), fit, information) is None
+    if mean is not None:
+        before = np.log(fit.terms.frequency_hz / hz.mean(axis=0))
+        after = before + mean.move
+        assert np.all(np.abs(after) < 3 * np.sqrt(mean.variance))
+        assert abs(after[0]) < abs(before[0]) / 5
 
 
 @pytest.mark.parametrize("size", [0.0, 0.003])
