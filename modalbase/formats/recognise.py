@@ -27,13 +27,13 @@ def recognise(path: Path, name: str = "") -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     suffix = PurePosixPath(name).suffix.lower()
-    refuse_foreign(head, name, MEASURED)
-    if WORKBOOK.match(head):
-        return "csv"  # whose reader says what to do
-    rows = FORMATS.values()
-    for row in rows:
+    rows, workbook = FORMATS.values(), WORKBOOK.match(head)
+    for row in () if workbook else rows:
         if head.startswith(row.marks) or (row.opening and row.opening.match(head)):
             return row.name
+    refuse_foreign(head, name, MEASURED)
+    if workbook:
+        return "csv"  # whose reader says what to do
     own = next((row.name for row in rows if suffix in row.suffixes), None)
     other = next((row.name for row in rows if suffix in row.other_suffixes), None)
     if other:  # words may stand before the first dataset

@@ -393,5 +393,5 @@ def test_a_mapping_that_does_not_fit_is_named(
     structure(path)
     with pytest.raises(FormatError, match=fault):
         read_mat(path, {**MAPPING, **change}, "accelerance")
-    with pytest.raises(FormatError, match=r"suggests .*'frf': \{'variable': 'm.H'\}"):
+    with pytest.raises(FormatError, match=r'suggests .*"frf": {"variable": "m.H"}'):
         read_mat(path, None, "accelerance")
