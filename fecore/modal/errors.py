@@ -3,11 +3,7 @@
 A series leaves more of measured FRFs than noise. Hits beside the point, cables and slight
 non-linearity make errors that grow with the FRF and are smooth over some lines. A line is then
 worth less than one: with the correlation ρ_j of the standardised residual j lines apart, n lines
-are worth n/τ, τ = 1 + 2 Σ_j ρ_j, for a residue. What is smooth over a resonance hardly moves its
-pole: with b the derivative of the mode's curve by a parameter, less what the linear coefficients
-can make of it, in the phase of the curve, n lines are worth n/τ_b for the parameter,
-
-    τ_b = Σ_lm ρ_|l-m| Re b̄_l b_m / Σ_l |b_l|².
+are worth n/τ, τ = 1 + 2 Σ_j ρ_j.
 
 Errors that all FRFs share do not become less by their number: a joint that high hits open, a spring
 that is not linear. In the shape of mode k, m_ik its part in FRF i, they are the relative error of
@@ -41,7 +37,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.modal.arrangement import MANY, Arrangement
-from fecore.modal.series import PRICE, correlation, free_slopes, memory, padded, slope_parts
+from fecore.modal.series import PRICE, free_slopes, slope_parts
 
 if TYPE_CHECKING:
     from fecore.modal.judge import Growth
@@ -66,8 +62,7 @@ class MeanOverTests:
 class ErrorModel:
     """What is known of the errors of a fit's poles, beside the variance of the values."""
 
-    memory: float  # number of lines that count as one independent line for a residue
-    lasting: FloatArray  # (parameters,) the same for ln ω and ζ of each pole
+    memory: float  # number of lines that count as one independent line
     sessions: IntArray  # (N,) number of the test that each FRF belongs to
     shared: FloatArray  # (n,) relative error of each mode's curve that all FRFs share
     # (parameters,) change of ln ω and ζ where the values are weighted in another way, and with the
@@ -89,12 +84,10 @@ def error_model(
     """What is known of the errors of a fit: from its residual, its tests, what all FRFs share, the
     change under other weights, and what harder hits change.
     """
-    rho = correlation(fit.residual, fit.variance, arrangement.measured, fit.model)
     information = information_of_tests(arrangement, fit)
     whole = np.maximum(information.sum(axis=0), np.finfo(float).tiny)
     return ErrorModel(
-        memory=memory(rho),
-        lasting=memory_of_poles(arrangement, fit, rho),
+        memory=fit.residual_memory,
         sessions=arrangement.session,
         shared=shared,
         change=change,
@@ -106,12 +99,12 @@ def error_model(
 
 def widened(
     inverse: FloatArray,
-    inflation: FloatArray | float,
+    inflation: float,
     scores: FloatArray,
     sessions: IntArray,
     leverage: FloatArray | None = None,
 ) -> FloatArray:
-    """The covariance H⁻¹ times the inflation of all or each parameter, each standard deviation at
+    """The covariance H⁻¹ times the inflation, each standard deviation at
     least what the scatter between sessions shows,
 
     v_p = (S - 1)/S Σ_s ((H⁻¹ g_s)_p/(1 - l_sp))²,
@@ -132,26 +125,6 @@ def widened(
         usual = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
         factor = np.maximum(factor, between / usual / (1 + 1 / np.sqrt(2 * count - 2)))
     return np.asarray(inverse * np.outer(factor, factor))
-
-
-def memory_of_poles(arrangement: Arrangement, fit: LinearFit, rho: FloatArray) -> FloatArray:
-    """(parameters,) τ_b for ln ω and ζ of each pole, at least 1."""
-    n, every, root = fit.terms.pairs, np.arange(fit.terms.pairs), fit.weights.root
-    omega, power = arrangement.omega, arrangement.power
-    steep = free_slopes(omega, fit.terms, power, fit.linear, root)
-    turn = slope_parts(fit.terms, np.full((1, n), 1j), every)[0]  # a mode's residue is imaginary
-    phase = fit.linear.basis[:, 1 : 2 * n : 2].conj()
-    phase = phase / np.maximum(np.abs(phase), np.finfo(float).tiny) * root[:, None]
-    size = padded(omega.size)
-    both_ways = np.zeros(size)
-    both_ways[: rho.size], both_ways[size - rho.size + 1 :] = rho, rho[:0:-1]
-    spectrum = np.maximum(np.fft.fft(both_ways).real, 0.0)
-    out = np.empty((2, n))
-    for own, part in zip(out, turn, strict=True):
-        b = phase * (steep[:, 0::2] * part[:, 0] + steep[:, 1::2] * part[:, 1])
-        square = np.abs(np.fft.fft(b, size, axis=0)) ** 2
-        own[:] = (spectrum @ square) / np.maximum(square.sum(axis=0), np.finfo(float).tiny)
-    return np.maximum(out, 1.0).ravel()
 
 
 def information_of_tests(arrangement: Arrangement, fit: LinearFit) -> FloatArray:

@@ -38,7 +38,6 @@ from fecore.modal.series import (
     at_lines,
     bounded_step,
     columns,
-    correlation,
     derivatives,
     expanded,
     memory,
@@ -128,7 +127,7 @@ class LinearFit:
     @cached_property
     def residual_memory(self) -> float:
         """Number of lines of the residual that are worth one, see `memory`."""
-        return memory(correlation(self.residual, self.variance, self.weight > 0, self.model))
+        return memory(self.residual, self.variance, self.weight > 0, self.model)
 
     def part(self, which: IntArray) -> ComplexArray:
         """(N, L) what some of the terms' columns make of the FRFs."""
@@ -315,7 +314,7 @@ class PoleFit(LinearFit):
 
     @property
     def inflation(self) -> float:
-        """Factor of the variances of residues: the excess, and the lines that are worth one."""
+        """Factor of all variances: the excess, and the lines that are worth one."""
         return self.excess * self.memory
 
     def growth(self, arrangement: Arrangement) -> Growth | None:
@@ -358,7 +357,7 @@ class PoleFit(LinearFit):
     @cached_property
     def parameter_covariance(self) -> FloatArray:
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the
-        stated noise, each by the lines that are worth one for it.
+        stated noise.
 
         A null direction of the information gives its own parameters a large variance and touches no
         other. Where the sessions are known, each standard deviation is at least what the scatter
@@ -375,16 +374,15 @@ class PoleFit(LinearFit):
         inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / VAGUE, 0.0) @ part
         inverse = inverse / scale[:, None] / scale
         if (errors := self.errors) is None:
-            return np.asarray(inverse * self.excess)
-        inflation = self.excess * errors.lasting
-        spread = widened(inverse, inflation, self.scores, errors.sessions, errors.leverage)
+            return np.asarray(inverse * self.inflation)
+        spread = widened(inverse, self.inflation, self.scores, errors.sessions, errors.leverage)
         shared = np.tile((SHIFT * errors.shared * self.terms.damping_ratio) ** 2, 2)
         own, factor = np.diag(spread), np.ones(len(spread))
         lacking = np.maximum(np.square(errors.change) - own - shared, 0.0)
         if errors.shift is not None:
             shared = np.maximum(shared, _OF_HEIGHT**2 * (np.square(errors.shift) - own))
         if errors.mean is not None:
-            least, n = np.diag(inverse) * inflation, self.terms.pairs
+            least, n = np.diag(inverse) * self.inflation, self.terms.pairs
             factor[:n] = np.sqrt(np.maximum(errors.mean.variance, least[:n]) / own[:n])
         return np.asarray(spread * np.outer(factor, factor) + np.diag(shared + lacking))
 

@@ -604,10 +604,11 @@ def matching_pursuit(
     return pool[taken]
 
 
-def correlation(
+def memory(
     residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray
-) -> FloatArray:
-    """(m,) ρ, the correlation of the standardised residual 0 to m - 1 lines apart, where it ends.
+) -> float:
+    """τ, the number of lines that are worth one, from the correlation of the standardised residual;
+    at least 1.
 
     The error is taken relative to the model, for a relative error turns with the phase of a
     resonance, and lines count by their signal to noise: what matters for a mode are the lines where
@@ -618,23 +619,14 @@ def correlation(
     z = z / np.maximum(1.0, np.abs(z) / _CAP)
     z = z * model.conj() / np.sqrt(variance)
     lines = z.shape[1]
-    power = np.sum(np.abs(np.fft.fft(z, padded(lines), axis=1)) ** 2, axis=0)
+    size = 1 << int(2 * lines - 1).bit_length()
+    power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
     lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
     if not lagged[0] > 0:
-        return np.ones(1)
-    rho = lagged / lagged[0] / (1 - np.arange(lagged.size) / lines)
+        return 1.0
+    rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
     ends = np.flatnonzero(rho < _STILL)
-    return np.asarray(rho[: ends[0] if ends.size else rho.size])
-
-
-def padded(lines: int) -> int:
-    """A length of transforms in which so many lines do not meet themselves."""
-    return 1 << (2 * lines - 1).bit_length()
-
-
-def memory(rho: FloatArray) -> float:
-    """τ, the number of lines that are worth one, by their correlation; at least 1."""
-    return max(1.0, float(2 * np.sum(rho) - 1))
+    return float(1 + 2 * np.sum(rho[: ends[0] if ends.size else rho.size]))
 
 
 def shared_error(arrangement: Arrangement, fit: LinearFit) -> FloatArray:

@@ -23,7 +23,7 @@ from fecore.findings import Finding
 from fecore.frf import FrfSet, convert
 from fecore.least_squares import nearest
 from fecore.modal.prepare import line_scatter
-from fecore.modal.series import correlation, memory
+from fecore.modal.series import memory
 from fecore.updating.damping_data import DampingData
 from fecore.updating.elastic import settled
 from fecore.updating.forward import ForwardState
@@ -157,7 +157,7 @@ class ReferenceFit:
     fit: DampingFit  # the modal fit
     # what the misfit of one value is by noise alone, with the weighting of this stage, times how
     # many lines are worth
-    # one: an error of the model's shapes lasts over a resonance (`fecore.modal.series.memory`)
+    # one: an error of the model's shapes lasts over a resonance (`fecore.modal.refine.memory`)
     scale: float
     # mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the
     # model's error
@@ -191,7 +191,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     variance_inflation = _variance_inflation(misfit, fit, scale)
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     residual, _ = misfit.residual(predicted)
-    scale *= memory(correlation(residual, misfit.variance, misfit.counted, predicted))
+    scale *= memory(residual, misfit.variance, misfit.counted, predicted)
     return ReferenceFit(
         misfit=misfit,
         fit=fit,
