@@ -7,6 +7,7 @@ files do not keep everybody else waiting.
 
 import threading
 from collections.abc import Callable, Coroutine, Iterator
+from functools import partial
 from typing import Any, ParamSpec, TypeVar
 
 from anyio import CapacityLimiter, to_thread
@@ -39,17 +40,18 @@ def in_subprocess(function: Callable[Given, Made]) -> Callable[Given, Coroutine[
     """
     _modules.add(function.__module__)
 
-    async def read(*arguments: Given.args, **_: Given.kwargs) -> Made:
-        made: Made = await to_thread.run_sync(_read, function, arguments, limiter=_threads)
+    async def read(*arguments: Given.args, **named: Given.kwargs) -> Made:
+        call = partial(function, *arguments, **named)
+        made: Made = await to_thread.run_sync(_read, call, limiter=_threads)
         return made
 
     return read
 
 
-def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+def _read(call: Callable[[], Any]) -> Any:
     preload(_modules, threads=1)
     # a request waits for it
-    order = Order(_call, (function, arguments), None, MEMORY_BYTES, niceness=0)
+    order = Order(_call, call, None, MEMORY_BYTES, niceness=0)
     try:
         child = Child(order)
     except ChildEnded:  # the server that it is forked from was killed; another one is started
@@ -76,10 +78,9 @@ def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     return result
 
 
-def _call(order: tuple[Callable[..., Any], tuple[Any, ...]], _: Reporter) -> Iterator[Any]:
+def _call(call: Callable[[], Any], _: Reporter) -> Iterator[Any]:
     """In the child: the result, or the error that says what is wrong with the body."""
-    function, arguments = order
     try:
-        yield function(*arguments)
+        yield call()
     except (ServiceError, FecoreError) as error:
         yield error

@@ -6,6 +6,7 @@ import tempfile
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -237,14 +238,14 @@ def test_a_body_is_read_although_the_fork_server_died_and_what_it_meets_is_told_
     monkeypatch.setattr(
         subprocess_read, "preload", lambda modules, threads: prepared.append((modules, threads))
     )
-    assert subprocess_read._read(len, ("abc",)) == 3
+    assert subprocess_read._read(partial(len, "abc")) == 3
     assert prepared == [(subprocess_read._modules, 1)] * 2
     with pytest.raises(InputError, match="is empty"):
-        subprocess_read._read(raises, (InputError("file", "is empty"),))
+        subprocess_read._read(partial(raises, InputError("file", "is empty")))
     with pytest.raises(RuntimeError, match="the trace"):
-        subprocess_read._read(raises, (ZeroDivisionError(),))
+        subprocess_read._read(partial(raises, ZeroDivisionError()))
     with pytest.raises(PayloadTooLarge, match="cannot be read here: the job needs more memory"):
-        subprocess_read._read(raises, (MemoryError(),))
+        subprocess_read._read(partial(raises, MemoryError()))
 
 
 def test_sockets_of_the_fork_server_fit_under_a_long_folder(
