@@ -216,6 +216,22 @@ def test_what_contradicts_or_is_missing_is_named(
         read(path, mapping, dry_run=False, quantity="accelerance")
 
 
+def test_degrees_under_a_heading_of_radians_are_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "H.csv"
+    rows = [
+        f"{f};{abs(h)};{np.rad2deg(np.angle(h * (-1) ** k))}"
+        for k, (f, h) in enumerate(zip(HZ.tolist(), H, strict=True))
+    ]
+    path.write_text("\n".join(["Frequency (Hz);Magnitude (m/s²/N);Phase (rad)", *rows]))
+    (found,) = read(path)
+    with pytest.raises(Invalid, match="phase_unit: is rad, and neighbouring lines differ by"):
+        read(path, {**found.mapping, **DOFS}, dry_run=False)
+    frf = {**found.mapping["frf"], "phase_unit": "deg"}
+    _, taken = read(path, {**found.mapping, **DOFS, "frf": frf}, dry_run=False)
+    alternating = H * (-1.0) ** np.arange(H.size)
+    np.testing.assert_allclose(decode(taken.spectrum), alternating, rtol=1e-6)
+
+
 def test_a_unit_of_mobility_is_no_accelerance(tmp_path: Path) -> None:
     path = tmp_path / "H.csv"
     path.write_text(

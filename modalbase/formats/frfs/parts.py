@@ -34,6 +34,7 @@ _ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
     **dict.fromkeys(("deg", "°", "degree", "degrees", "grad"), np.pi / 180),
 }
+_LARGEST_STEP = 1.01 * 2 * np.pi  # between the phases of neighbouring lines, rad
 _DECIBEL = re.compile(r"\bdB\b\s*(?:re\.?)?\s*(?:1(?:\.0*)?(?![\d.e]))?\s*(.*)", re.IGNORECASE)
 _PAIR = re.compile(r"([\w.:+-]+)\s*/\s*([\w.:+-]+)")
 Texts = Mapping[str, str]
@@ -155,6 +156,14 @@ def combined(
         )
     phase = given["phase"][0] if isinstance(given["phase"], list) else given["phase"]
     stated, in_file = given.get("phase_unit"), _stated_angle(phase, texts)
+    step = float(np.max(np.abs(np.diff(two, axis=1)), initial=0.0))
+    no_radians = step > _LARGEST_STEP
+    if no_radians and _ANGLES.get(str(stated or in_file).lower()) == 1.0:
+        raise FormatError(
+            "mapping.frf.phase_unit",
+            f"is {stated or in_file}, and neighbouring lines differ by {step:.3g}, more than the"
+            " turn of 2π; state deg if they are degrees",
+        )
     unit = stated or in_file
     if unit is None:
         raise FormatError(
@@ -162,7 +171,7 @@ def combined(
         )
     if (factor := _ANGLES.get(str(unit).lower())) is None:
         raise FormatError("mapping.frf.phase_unit", f"is {unit!r}, expected deg or rad")
-    if in_file and _ANGLES[in_file.lower()] != factor:
+    if in_file and not no_radians and _ANGLES[in_file.lower()] != factor:
         raise FormatError(
             "mapping.frf.phase_unit", f"is {unit}, and the file says {in_file}; which is right?"
         )
