@@ -80,7 +80,7 @@ def read_so(page: Page, api: httpx.Client, name: str) -> None:
     """Press the button, and wait until what was sent is read and the page shows it, by itself."""
     press_so(page, api, name)
     page.wait_for_selector(
-        "html:not([data-leaving]):not(:has([data-job], #uploaded [hx-get]))", state="attached"
+        "html:not([data-leaving]):not(:has([data-job], #uploaded [data-awaited]))", state="attached"
     )
 
 

@@ -46,8 +46,8 @@ function update(job) {
     if (ended) delete one.dataset.job;
   }
   if (!ended) return undefined;
-  const reports = shown.filter((one) => one.hasAttribute("hx-get"));
-  for (const report of reports) htmx.trigger(report, "ended");
+  const reports = shown.filter((one) => "awaited" in one.dataset);
+  for (const one of reports) report(job.id, one); // htmx may not have settled it yet
   if (shown.length && !reports.length) renew();
   return watch();
 }

@@ -238,9 +238,10 @@ async function sendAgain({ read, into, name }, stated) {
   const original = await fetch(rest(`imports/${read}/original`));
   return sendFile(into, await original.blob(), name, stated);
 }
-/* The report on an import, in the place of an element. */
+/* The report on an import, in the place of an element, whose request it is: of several that one
+   element waits to send, htmx sends the last. */
 const report = (id, target) =>
-  htmx.ajax("GET", at(`ui/imports/${id}?part=1`), { target, swap: "outerHTML" });
+  htmx.ajax("GET", at(`ui/imports/${id}?part=1`), { source: target, target, swap: "outerHTML" });
 async function lookAgain(form, stated) {
   const { id } = await sendAgain(form.dataset, [["dry_run", "true"], ...stated]);
   if (uploaded) await report(id, form.closest(".import"));
@@ -286,11 +287,11 @@ function placeAbove(element) {
    other parts is loaded when one of them is opened. */
 const uploaded = document.getElementById("uploaded");
 let sending = 0,
-  stale = uploaded?.querySelector("[hx-get]") != null;
+  stale = uploaded?.querySelector("[data-awaited]") != null;
 async function renewFiles() {
   for (const [id, asked] of readAs)
     if (document.querySelector(`#import-${id} .state.succeeded`)) asked.remove();
-  if (!stale || sending || leaving || uploaded.querySelector("[hx-get]")) return;
+  if (!stale || sending || leaving || uploaded.querySelector("[data-awaited]")) return;
   stale = false;
   const answer = await fetch(location.pathname);
   const next = new DOMParser().parseFromString(await answer.text(), "text/html");
