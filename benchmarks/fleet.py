@@ -172,9 +172,9 @@ def hourly(recordings: int = 24, seconds: int = 600) -> None:
                 _until_judged(here, monitor)
 
             pids = [worker.pid for worker in workers]
-            found = (*_hourly(here, pids, hours, read), *_hourly(here, pids, hours, judge))
+            figures = (*_hourly(here, pids, hours, read), *_hourly(here, pids, hours, judge))
             if hours == recordings:
-                table.row(count, *found)
+                table.row(count, *figures)
 
 
 def _send(api: httpx.Client, structure: str, samples: FloatArray, hour: int) -> httpx.Response:

@@ -12,6 +12,9 @@ from typing import NamedTuple
 from modalbase.formats.errors import FormatError
 
 UTF_16 = BOM_UTF16_LE, BOM_UTF16_BE
+NO_UTF_16 = "the file is text in UTF-16; save it as ANSI or UTF-8"
+HEAD_BYTES = 1 << 16
+"""First bytes of a file by which its format is known."""
 
 
 class ForeignFormat(NamedTuple):
@@ -103,6 +106,6 @@ def require_text(content: bytes, of: str) -> None:
         FormatError: as said; UTF-16 by its name.
     """
     if content.startswith(UTF_16):
-        raise FormatError("", "the file is text in UTF-16; save it as ANSI or UTF-8")
+        raise FormatError("", NO_UTF_16)
     if b"\0" in content:
         raise FormatError("", f"the file holds NUL bytes; expected {of}")

@@ -3,11 +3,9 @@
 from pathlib import Path, PurePosixPath
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.foreign import MEASURED, UTF_16, refuse_foreign
+from modalbase.formats.foreign import HEAD_BYTES, MEASURED, UTF_16, refuse_foreign
 from modalbase.formats.registry import FORMATS
 from modalbase.formats.tables import WORKBOOK, open_table
-
-_HEAD_BYTES = 1 << 16
 
 
 def recognise(path: Path, name: str = "") -> str:
@@ -25,7 +23,7 @@ def recognise(path: Path, name: str = "") -> str:
         FormatError: it is of a format that is not read; says what to export instead.
     """
     with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
+        head = file.read(HEAD_BYTES)
     suffix = PurePosixPath(name).suffix.lower()
     rows, workbook = FORMATS.values(), WORKBOOK.match(head)
     for row in () if workbook else rows:
@@ -46,7 +44,7 @@ def recognise(path: Path, name: str = "") -> str:
 
 def _is_table(head: bytes) -> bool:
     """Whether a text has two columns of numbers or more."""
-    whole = head[: head.rfind(b"\n") + 2] if len(head) == _HEAD_BYTES else head
+    whole = head[: head.rfind(b"\n") + 2] if len(head) == HEAD_BYTES else head
     try:
         return len(open_table(whole[: len(whole) // 2 * 2] if b"\0" in head else whole).names) > 1
     except FormatError:

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 from uuid import UUID
 
 from fastapi import Query
@@ -132,8 +132,13 @@ def _others(visit: Visit, sides: Sequence[Side]) -> list[NamedJob]:
 
 def _note(row: NamedJob) -> str:
     """When a result was made; those of earlier versions do not say what their test was like."""
-    known = "test" in (row.result or {})["provenance"]
+    known = "test" in _provenance(row)
     return f"update of {moment(row.job.created_at)}" + ("" if known else "; test as it is today")
+
+
+def _provenance(row: NamedJob | None) -> dict[str, Any]:
+    """What a result says of how it was made; nothing of modes alone."""
+    return {} if row is None or row.result is None else row.result["provenance"]
 
 
 def _told_apart(names: Sequence[tuple[str, ...]]) -> list[str]:
@@ -170,9 +175,9 @@ def _differences(visit: Visit, sides: Sequence[Side]) -> list[tuple[str, list[st
 
 def _stated(visit: Visit, side: Side) -> Iterator[tuple[str, str]]:
     """What an update read, whatever became of it since; of modes alone, what is stated today."""
-    provenance = ((side.row and side.row.result) or {}).get("provenance", {})
+    provenance = _provenance(side.row)
     test = provenance.get("test") or of_the_test(side.campaign)
-    used = {name: provenance[name] for name in ("inputs",) if name in provenance}
+    used = {"inputs": provenance["inputs"]} if "inputs" in provenance else {}
     yield from leaves({**test, **used})
     if side.row is None:
         return

@@ -4,7 +4,7 @@ hit.
 
 import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
@@ -24,6 +24,7 @@ MOST_COLUMNS = 1000
 """Of a matrix whose columns are channels."""
 _COLUMN = re.compile(r"(.+) column ([1-9]\d*)", re.DOTALL)
 _RATES = ("fs", "sr", "samplerate", "samplingrate", "samplingfrequency")
+_FIRST = 16
 _STARTS = ("start_value", "xstart", "x0", "t0", "start_time")
 UNEVEN = 1e-3
 """By which the steps of a time axis may differ, of their mean."""
@@ -109,7 +110,8 @@ def require_one_clock(variables: Variables, names: Iterable[str]) -> None:
     Raises:
         FormatError: as said; names both.
     """
-    axes = {name: own for name in names if (own := _axis_of(variables, name)) is not None}
+    rising = {name for name, array in variables.items() if _is_axis(array)}
+    axes = {name: own for name in names if (own := _axis_of(variables, rising, name)) is not None}
     first = next(iter(axes.values()), "")
     for name, axis in axes.items():
         one, other = (np.ravel(variables[own]).astype(float) for own in (first, axis))
@@ -123,26 +125,29 @@ def require_one_clock(variables: Variables, names: Iterable[str]) -> None:
             )
 
 
-def _axis_of(variables: Variables, name: str) -> str | None:
-    """The time axis or start that stands beside a channel, within its structures or by its
-    name.
+def _axis_of(variables: Variables, rising: Set[str], name: str) -> str | None:
+    """The time axis, one of what rises evenly, or the start that stands beside a channel, within its
+    structures or by its name.
     """
     own = array_of(name)
     size = max(np.shape(variables.get(own, 0)), default=0)
     parts = own.split(".")
     for depth in range(len(parts) - 1, 0, -1):
         inside = [v for v in variables if v.startswith(".".join(parts[:depth]) + ".") and v != own]
-        if axes := [v for v in inside if _is_axis(variables[v], size)]:
+        if axes := [v for v in inside if v in rising and variables[v].size == size]:
             return axes[0] if len(axes) == 1 else None
         if starts := [v for v in inside if _is_start(v, variables[v])]:
             return starts[0]
-    named = (v for v in variables if re.sub(r"_?time", "", v, count=1, flags=re.IGNORECASE) == own)
-    return next((v for v in named if v != own and _is_axis(variables[v], size)), None)
+    fitting = (v for v in variables if v in rising and v != own and variables[v].size == size)
+    bare = ((v, re.sub(r"_?time", "", v, count=1, flags=re.IGNORECASE)) for v in fitting)
+    return next((v for v, channel in bare if channel == own), None)
 
 
-def _is_axis(array: np.ndarray[Any, Any], size: int) -> bool:
-    """Whether it is a vector of so many values that rise evenly."""
-    if array.size != size or size < 3 or max(array.shape) != size or array.dtype.kind != "f":
+def _is_axis(array: np.ndarray[Any, Any]) -> bool:
+    """Whether it is a vector of values that rise evenly."""
+    if array.size < 3 or max(array.shape) != array.size or array.dtype.kind != "f":
+        return False
+    if np.any(np.diff(np.ravel(array)[:_FIRST]) <= 0):  # as most channels begin
         return False
     steps = np.diff(np.ravel(array))
     return bool(

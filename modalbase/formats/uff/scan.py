@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
-from modalbase.formats.foreign import UTF_16
+from modalbase.formats.foreign import NO_UTF_16, UTF_16
 from modalbase.formats.uff.content import HEADER_LINES, Limits, UffError
 from modalbase.formats.uff.text import shown
 
@@ -95,7 +95,7 @@ def _begin(head: bytes) -> int:
         UffError: it is text of a kind that no UFF is; says how to save it.
     """
     if head.startswith(UTF_16):
-        raise UffError("the file is text in UTF-16; save it as ANSI or UTF-8")
+        raise UffError(NO_UTF_16)
     if b"\r" in head and b"\n" not in head:
         raise UffError("its lines end in CR alone; save them with LF, or with CR and LF")
     return len(BOM_UTF8) if head.startswith(BOM_UTF8) else 0

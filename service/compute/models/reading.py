@@ -13,7 +13,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 from typing import TypeVar
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.foreign import MODELS, refuse_foreign
+from modalbase.formats.foreign import HEAD_BYTES, MODELS, refuse_foreign
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import FiniteElementModel
@@ -38,7 +38,6 @@ READERS: Mapping[str, Callable[[bytes, dict[str, bytes]], FiniteElementModel]] =
 }
 """By the end of a file's name."""
 
-_HEAD_BYTES = 1 << 16
 _LANGUAGES = (
     (re.compile(rb"(?im)^[ \t]*\*[ \t]*(HEADING|NODE|PART|MATERIAL)[ \t]*(,|\r?$)"), read_inp),
     (re.compile(rb"(?im)^[ \t]*(CEND|BEGIN[ \t]+BULK|GRID\*?[ \t,]+\d+.*)[ \t]*\r?$"), read_bdf),
@@ -85,7 +84,7 @@ def unpacked(content: bytes, filename: str) -> Deck:
     decks = [name for name in files if PurePosixPath(name).suffix.lower() in READERS]
     mains = [name for name in decks if PurePosixPath(name).name not in named]
     for name, text in files.items() if not mains else ():
-        faults_of(partial(refuse_foreign, text[:_HEAD_BYTES] or b"\0", name, MODELS, name))
+        faults_of(partial(refuse_foreign, text[:HEAD_BYTES] or b"\0", name, MODELS, name))
     if len(mains) != 1:
         raise Invalid(
             "file",
@@ -163,7 +162,7 @@ def reader_of(
         Invalid: there is none; of another program's file says what to export instead.
     """
     if content:
-        faults_of(lambda: refuse_foreign(content[:_HEAD_BYTES], filename, MODELS))
+        faults_of(lambda: refuse_foreign(content[:HEAD_BYTES], filename, MODELS))
     reader = READERS.get(PurePosixPath(filename).suffix.lower())
     if reader is None:
         faults_of(lambda: refuse_foreign(b"", filename, MODELS))
@@ -172,7 +171,7 @@ def reader_of(
             f"{filename!r} ends in none of {', '.join([*READERS, *MESHES, ZIP, NPZ])}: which kind"
             " of deck is it?",
         )
-    spoken = [reader for shows, reader in _LANGUAGES if shows.search(content[:_HEAD_BYTES])]
+    spoken = [reader for shows, reader in _LANGUAGES if shows.search(content[:HEAD_BYTES])]
     return spoken[0] if len(spoken) == 1 else reader
 
 

@@ -150,7 +150,7 @@ for (const form of document.querySelectorAll("form[data-poles]")) {
     submitted(form, async () => {
       const body = { name: form.elements.name.value.trim(), decisions };
       const { name, modes } = await send("POST", form.dataset.poles, body);
-      sessionStorage.setItem("said", `Saved as “${name}”: ${modes.length} modes.`);
+      sessionStorage.setItem("done", `Saved as “${name}”: ${modes.length} modes.`);
       goOn(form.dataset.then);
     });
   });

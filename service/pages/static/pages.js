@@ -124,8 +124,8 @@ let leaving = false;
 /* What was deleted and kept can be had back at once. */
 const KEPT = /^(projects|structures|campaigns|monitors|instruments)\/[^/]+$/;
 function offerUndo() {
-  const done = sessionStorage.getItem("said");
-  sessionStorage.removeItem("said");
+  const done = sessionStorage.getItem("done");
+  sessionStorage.removeItem("done");
   if (done) say(done);
   const path = sessionStorage.getItem("deleted");
   if (!path) return;
