@@ -40,6 +40,7 @@ from fecore.modes import MeasuredModes
 from fecore.signal.block_spectra import BlockSpectra, Motion
 from fecore.signal.half_spectra import HalfSpectra, needed_s
 from fecore.signal.measured_loads import LoadFrfs
+from fecore.signal.stepped_sines import with_steps_joined
 
 _NEARER_A_SINE = -0.5  # spectral kurtosis
 _STEADY = 0.1  # of the window's rate: a mode's decay beside it that is hardly any
@@ -48,6 +49,11 @@ _OF_FORCES = frozenset(
     {"residues_turned", "channels_delayed", "few_lines_in_peak", "damping_uncertain"}
 )
 """Findings that rest on a measured force, or on errors that are taken as independent."""
+
+_OF_NEIGHBOURS = frozenset({"few_lines_in_peak", "noise_understated"})
+"""Findings that take lines for neighbours: of steady loads each is measured by itself, without
+leakage.
+"""
 
 finding = partial(
     make,
@@ -160,6 +166,7 @@ def identify_measured_loads(
         IdentificationError: no mode is supported.
     """
     recordings = (recordings,) if isinstance(recordings, LoadFrfs) else tuple(recordings)
+    recordings = with_steps_joined(recordings)
     rates = sorted({each.window_rate_per_s for each in recordings})
     if len(rates) != 1:
         raise InputError(
@@ -167,10 +174,13 @@ def identify_measured_loads(
             f"carry windows of {', '.join(f'{rate:.3g}' for rate in rates) or 'no rate'} per second,"
             " expected one of all; state `lag_s`",
         )
-    frfs = [each.frfs(with_variance=False) for each in recordings]
+    # without a window nothing is left of the response to earlier loads
+    frfs = [each.frfs(with_variance=not each.window_rate_per_s) for each in recordings]
     identification, poles = _by_blocks(recordings, frfs, options, report)
-    found = replace(identification.found, modes=poles)
-    return replace(identification, found=found, window_taken_out_per_s=rates[0])
+    found, notes = replace(identification.found, modes=poles), identification.notes
+    if not rates[0]:
+        notes = tuple(each for each in notes if each.kind not in _OF_NEIGHBOURS)
+    return replace(identification, found=found, notes=notes, window_taken_out_per_s=rates[0])
 
 
 def _by_blocks(

@@ -15,7 +15,8 @@ points                          hits as a person beside the hammer sees them
 document                        what a processing is asked, and what it answers
 process                         all of it, point by point
 block_spectra                   spectra of a recording with their scatter over its blocks
-measured_loads                  any measured load, to FRFs
+measured_loads, steady_loads    any measured load, to FRFs; sines, and loads that repeat
+stepped_sines                   FRFs of several recordings with such loads, joined
 half_spectra, setups            responses to loads that nobody measured; several such recordings
 transmissibility                such responses for each unit of some of them
 """
@@ -32,6 +33,7 @@ from fecore.signal.process import Shelf, process, process_in_parts
 from fecore.signal.reasons import HitFinding
 from fecore.signal.setups import ResponseRecording, spectra_of_setups
 from fecore.signal.spectra import Source, by_point
+from fecore.signal.stepped_sines import with_steps_joined
 from fecore.signal.transmissibility import Transmissibilities, transmissibilities
 from fecore.signal.windows import Windows, remove_window
 
@@ -69,4 +71,5 @@ __all__ = [
     "remove_window",
     "spectra_of_setups",
     "transmissibilities",
+    "with_steps_joined",
 ]

@@ -19,12 +19,13 @@ Errors of lines and pairs share the same segments. Group g of them moves H by
 δH_g = (S_xf,g - H S_ff,g) S_ff⁻¹; a block of the result is H' of H + δH_g/w_g, w_g the group's share.
 
 Loads that repeat after a period are cut into whole numbers of it and need no window. They have
-power at some lines only, and H is known there alone.
+power at some lines only, and H is known there alone. Steady sines need no period
+(`fecore.signal.steady_loads`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -49,13 +50,13 @@ from fecore.signal.block_spectra import (
 )
 from fecore.signal.blocks import FRF_QUANTITY
 from fecore.signal.estimators import pooled
+from fecore.signal.steady_loads import advanced, amplitudes_of, period_of, segment_s, sines_in
 
 _FEWEST_SEGMENTS, _MORE = 10, 2  # that a recording holds side by side, and for each load besides
 _FEWEST_SAMPLES = 128  # of a segment: some 25 lines
 _HOPS = 4  # a segment's length over the way to the next: each sample counts alike
 _ACAUSAL = 1 / 4  # of the longest lag, up to which what comes before 0 is kept: filters ring there
 _APART = 0.01  # smallest eigenvalue of the loads' coherence, below which they are alike
-_REPEATS = 0.98  # correlation with itself from which a load is periodic
 _ACTIVE = 1e-4  # of a periodic load's strongest line, from where it has power in a line
 
 finding = partial(
@@ -69,6 +70,9 @@ finding = partial(
         "load_periodic": remark(
             "the load repeats after {period:.6g} s: the FRFs are those of whole periods, at the"
             " {lines} lines that the load has"
+        ),
+        "load_of_sines": remark(
+            "the load is {lines} steady sines, at whose frequencies alone the FRFs are known"
         ),
     },
 )
@@ -118,7 +122,7 @@ def frfs_of_loads(
 ) -> LoadFrfs:
     """FRFs of a recording of responses and of the loads that cause them.
 
-    1. Length: how long the recording is, and whether its loads repeat.
+    1. Length: how long the recording is, and whether its loads are sines or repeat.
     2. Segments: their spectra, summed in groups.
     3. FRFs: of all segments, with the multiple coherence, at lines where loads differ.
     4. Scatter: what each group moves them by.
@@ -142,25 +146,28 @@ def frfs_of_loads(
     highest, below = highest_of(quantities, n)
     # 1. Length.
     length, _ = survey(chunks(), n + r)
-    period = _period(chunks(), n, length) if period_s is None else period_s * sample_rate_hz
-    size = _size(length, r, sample_rate_hz, lag_s, period)
+    sines, period = _steady(chunks(), n, length, sample_rate_hz, period_s)
+    steady = bool(period or sines.size)
+    size = _size(length, r, sample_rate_hz, lag_s, period, sines)
     # 2. Segments.
-    hop, window = (size, np.ones(size)) if period else (size // _HOPS, _hann(size))
-    kept = int(size * BAND) + 1
-    scale = (2j * np.pi * sample_rate_hz / size * np.arange(kept)) ** below[:, None]
-    groups, own = Groups(np.asarray, 1 if period else _HOPS), np.zeros((n, kept))
+    hop, spectra, hz = _transform(size, period, sines, sample_rate_hz)
+    scale = (2j * np.pi * hz) ** below[:, None]
+    groups, own = Groups(np.asarray, 1 if steady else _HOPS), np.zeros((n, hz.size))
+    before, advance = np.zeros((r, hz.size), dtype=complex), np.zeros(hz.size, dtype=complex)
     for place, segment in enumerate(segments(chunks(), size, hop)):
-        if period and place == 0:
+        if steady and place == 0:
             continue  # until the response is steady
-        straight = scipy.signal.detrend(segment, type="constant" if period else "linear")
-        spectrum = scipy.fft.rfft(straight * window, axis=1)[:, :kept]
+        spectrum = spectra(segment)
         spectrum[:n] *= scale
         groups.add(spectrum[:, None] * spectrum[n:].conj())
         own += np.abs(spectrum[:n]) ** 2
+        advance += np.sum(spectrum[n:] * before.conj(), axis=0)
+        before = spectrum[n:]
     # 3. FRFs.
     sums, counts = groups.done()
     cross, force = sums.sum(axis=0)[:n], sums.sum(axis=0)[n:]
-    inverse, separable = separated(force, 0, _ACTIVE if period else 1e-16)
+    constant = None if sines.size else 0
+    inverse, separable = separated(force, constant, _ACTIVE if steady else 1e-16)
     _require_separable(separable, loads)
     values = np.einsum("nrl,rsl->nsl", cross, inverse)
     coherence = np.einsum("nrl,nrl->nl", values, cross.conj()).real / np.maximum(own, _TINY)
@@ -169,25 +176,25 @@ def frfs_of_loads(
     moved = sums[:, :n] - np.einsum("nrl,grsl->gnsl", values, sums[:, n:])
     blocks = values + np.einsum("gnrl,rsl->gnsl", moved, inverse) / weights[:, None, None, None]
     # 5. Window.
-    lines, rate = np.arange(1, kept), 0.0
-    if not period:
+    lines, rate = np.arange(1, hz.size), 0.0
+    if sines.size:
+        lines, hz = np.arange(hz.size), advanced(hz, advance, hop, sample_rate_hz)
+    elif not period:
         blocks, rate = (
             _exchange(blocks, separable, size),
             -np.log(LEFT) * sample_rate_hz / (size // 2),
         )
         lines = lines[1::2]
-    notes = _notes(
-        separable[:, lines], lines * sample_rate_hz / size, loads, period / sample_rate_hz
-    )
+    notes = _notes(separable[:, lines], hz[lines], loads, period / sample_rate_hz, sines.size)
     lines = lines[separable[:, lines].any(axis=0)]
     return LoadFrfs(
-        frequency_hz=lines * sample_rate_hz / size,
+        frequency_hz=hz[lines],
         blocks=blocks[..., lines],
         weights=weights,
         responses=tuple(responses),
         references=tuple(loads),
         window_rate_per_s=float(rate),
-        lag_s=(size if period else size // 2) / sample_rate_hz,
+        lag_s=(size if steady else size // 2) / sample_rate_hz,
         length_s=length / sample_rate_hz,
         quantity=FRF_QUANTITY[highest],
         coherence=np.clip(coherence[:, lines], 0, 1),
@@ -204,31 +211,38 @@ def _hann(size: int) -> FloatArray:
     return window
 
 
-def _period(chunks: Iterable[FloatArray], first: int, length: int) -> float:
-    """Samples after which all loads repeat, to a fraction of one; 0 where they do not."""
-    seen = min(length, 2**20)
-    part = next(iter(segments(chunks, seen)))[first:]
-    part = part - part.mean(axis=1, keepdims=True)
-    power = np.abs(scipy.fft.rfft(part, 2 * seen, axis=1)) ** 2
-    correlation = scipy.fft.irfft(power, axis=1)[:, : seen // 3]
-    correlation /= correlation[:, :1] * (1 - np.arange(seen // 3) / seen)
-    least = correlation.min(axis=0)  # over the loads
-    gone = int(np.argmax(least < _REPEATS / 2))
-    again = np.flatnonzero(least[gone:] >= _REPEATS) if gone else np.empty(0)
-    if not again.size:
-        return 0.0
-    period = gone + again[0]
-    top = int(np.argmax(least[period : period + max(2, int(period) // 2)]))
-    period = float(period + top)
-    for times in range(2, seen // 3 // max(int(period), 1)):
-        about = round(times * period)
-        near = least[about - 1 : about + 2]
-        if near.size < 3 or near.max() < _REPEATS:
-            return 0.0 if near.size == 3 else period
-        bend = near[0] - 2 * near[1] + near[2]
-        off = (near[0] - near[2]) / (2 * bend) if bend < 0 else 0.0
-        period = (about + float(np.clip(off, -1, 1))) / times
-    return period
+def _transform(
+    size: int, period: float, sines: FloatArray, sample_rate_hz: float
+) -> tuple[int, Callable[[FloatArray], ComplexArray], FloatArray]:
+    """Samples from segment to segment, what takes a segment of so many to its spectra, and the
+    lines of these, Hz.
+    """
+    if sines.size:
+        amplitudes = amplitudes_of(sines, size, sample_rate_hz)
+        return size, lambda segment: segment @ amplitudes, sines
+    kept, window = int(size * BAND) + 1, np.ones(size) if period else _hann(size)
+
+    def spectra(segment: FloatArray) -> ComplexArray:
+        straight = scipy.signal.detrend(segment, type="constant" if period else "linear")
+        return np.asarray(scipy.fft.rfft(straight * window, axis=1)[:, :kept])
+
+    return size if period else size // _HOPS, spectra, np.arange(kept) * sample_rate_hz / size
+
+
+def _steady(
+    chunks: Iterable[FloatArray],
+    first: int,
+    length: int,
+    sample_rate_hz: float,
+    period_s: float | None,
+) -> tuple[FloatArray, float]:
+    """The frequencies of the sines that all loads are, or the samples after which they repeat."""
+    if period_s is not None:
+        return np.empty(0), period_s * sample_rate_hz
+    part = next(iter(segments(chunks, min(length, 2**20))))[first:]
+    sines = sines_in(part, sample_rate_hz)
+    sines = sines[sines <= BAND * sample_rate_hz] if sines.size else sines
+    return sines, 0.0 if sines.size else period_of(part)
 
 
 def require_length(samples: int, loads: int, sample_rate_hz: float) -> int:
@@ -248,10 +262,26 @@ def require_length(samples: int, loads: int, sample_rate_hz: float) -> int:
 
 
 def _size(
-    length: int, loads: int, sample_rate_hz: float, lag_s: float | None, period: float
+    length: int,
+    loads: int,
+    sample_rate_hz: float,
+    lag_s: float | None,
+    period: float,
+    sines: FloatArray,
 ) -> int:
-    """Samples of a segment: whole periods of periodic loads, else two of the longest lags."""
+    """Samples of a segment: in which sines are resolved, whole periods of periodic loads, else
+    two of the longest lags.
+    """
     pieces = require_length(length, loads, sample_rate_hz)
+    if sines.size:
+        least_s = segment_s(sines)
+        if 3 * least_s * sample_rate_hz > length:
+            raise InputError(
+                "recording",
+                f"is {length / sample_rate_hz:.3g} s long, expected {3 * least_s:.3g} s or more for"
+                f" its load's sines from {sines[0]:.4g} Hz on",
+            )
+        return max(min(length // pieces, 2 * MOST_LAGS), int(np.ceil(least_s * sample_rate_hz)))
     if period:
         times = max(1, int(min(length / pieces, 2 * MOST_LAGS) / period))
         if round(times * period) * 3 > length:
@@ -327,10 +357,12 @@ def _exchange(blocks: ComplexArray, separable: BoolArray, size: int) -> ComplexA
 
 
 def _notes(
-    separable: BoolArray, hz: FloatArray, loads: Sequence[Dof], period_s: float
+    separable: BoolArray, hz: FloatArray, loads: Sequence[Dof], period_s: float, sines: int
 ) -> tuple[Finding, ...]:
+    lines = int(separable.any(axis=0).sum())
+    if sines:
+        return (finding("load_of_sines", lines=lines),)
     if period_s:
-        lines = int(separable.any(axis=0).sum())
         return (finding("load_periodic", period=period_s, lines=lines),)
     notes, missing = [], ~separable
     edges = np.flatnonzero(np.diff(np.pad(missing.any(axis=0), 1).astype(int)))

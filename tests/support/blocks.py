@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from fecore.arrays import FloatArray
 from tests.support.places import ROOT
 from tests.support.wind import wind
 
@@ -143,20 +144,30 @@ def _days() -> dict[str, Any]:
 
 
 def _shaken() -> dict[str, Any]:
-    """A minute of three sensors and two shakers, and the file of them."""
+    """A minute of three sensors and two shakers, and the file of them; files of three steady sines
+    each of the first shaker.
+    """
     rng, rate = np.random.default_rng(1), 50.0
-    loads = rng.standard_normal((2, 3600))
-    x = np.zeros((3, 3600))
-    for hz, shape in ((3.0, (1.0, 0.6, -0.4)), (8.0, (0.8, -0.7, 1.0))):
-        t = np.arange(600) / rate
-        decay = np.exp(-0.1 * np.pi * hz * t) * np.sin(2 * np.pi * hz * t)
-        answer = np.diff(decay, 2, append=0, prepend=0)
-        x += np.outer(shape, np.convolve(np.asarray(shape[:2]) @ loads, answer)[:3600])
-    recording = np.concatenate([x, loads])[:, 600:]
-    names = [f"a_{point}" for point in (11, 22, 33)] + [f"f_{point}" for point in (11, 22)]
     time = np.arange(3000) / rate
-    np.savez("shakers.npz", time_s=time, **dict(zip(names, recording, strict=True)))
-    return {"recording": recording, "rate": rate}
+    Path("steps").mkdir()
+
+    def written(file: str, loads: FloatArray) -> FloatArray:
+        x = np.zeros((3, 3600))
+        for hz, shape in ((3.0, (1.0, 0.6, -0.4)), (8.0, (0.8, -0.7, 1.0))):
+            t = np.arange(600) / rate
+            decay = np.exp(-0.1 * np.pi * hz * t) * np.sin(2 * np.pi * hz * t)
+            answer = np.diff(decay, 2, append=0, prepend=0)
+            modal = np.asarray(shape[: len(loads)]) @ loads
+            x += np.outer(shape, np.convolve(modal, answer)[:3600])
+        recording = np.concatenate([x, loads])[:, 600:]
+        names = [f"a_{point}" for point in (11, 22, 33)] + [f"f_{point}" for point in (11, 22)]
+        np.savez(file, time_s=time, **dict(zip(names, recording, strict=False)))
+        return recording
+
+    for number, hz in enumerate(np.arange(2.0, 10, 0.25).reshape(4, 8).T):
+        sines = np.sin(2 * np.pi * np.outer(hz, np.arange(3600) / rate)).sum(axis=0)
+        written(f"steps/{number}.npz", sines[None])
+    return {"recording": written("shakers.npz", rng.standard_normal((2, 3600))), "rate": rate}
 
 
 def _hour() -> dict[str, Any]:

@@ -10,7 +10,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from fecore.findings import texts
-from fecore.signal import Averages, Estimate, Findings, LoadFrfs, process_in_parts
+from fecore.signal import (
+    Averages,
+    Estimate,
+    Findings,
+    LoadFrfs,
+    process_in_parts,
+    with_steps_joined,
+)
 from service.compute.processing import (
     HitsOfFiles,
     PointFile,
@@ -53,18 +60,27 @@ def process_campaign(inputs: Measured, report: Report) -> Iterator[Averages | En
             else:
                 yield item
     if inputs.responses is not None:
-        made = list[dict[str, Any]]()
+        made, steps = list[dict[str, Any]](), list[tuple[LoadFrfs, str]]()
         for file, each in spectra_of(inputs.responses, report):
             kept = encoded(file, each)
             made.append({**kept.document, "sha256": kept.sha256.hex()})
             yield kept
-            if isinstance(each, LoadFrfs):
-                averages = averages_of(each)
-                document["frfs"] += describe_frfs(averages, {})
-                document["warnings"] += texts(each.notes)
-                yield averages
+            if isinstance(each, LoadFrfs) and each.window_rate_per_s:
+                yield _described(each, document)
+            elif isinstance(each, LoadFrfs):
+                steps.append((each, file.filename))
+        for each in with_steps_joined([frfs for frfs, _ in steps], [name for _, name in steps]):
+            yield _described(each, document)
         document["spectra"] = made
     yield json.dumps(document)
+
+
+def _described(frfs: LoadFrfs, document: dict[str, Any]) -> Averages:
+    """FRFs of measured loads as those of hits, which the document then names."""
+    averages = averages_of(frfs)
+    document["frfs"] += describe_frfs(averages, {})
+    document["warnings"] += texts(frfs.notes)
+    return averages
 
 
 def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averages | str]:

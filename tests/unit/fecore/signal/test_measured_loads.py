@@ -1,5 +1,7 @@
 """FRFs of measured loads: of a body whose FRFs are known, under loads of each kind."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from scipy.signal import butter, chirp, lfilter
@@ -36,6 +38,17 @@ def recorded(loads: FloatArray, noise: float = 0.01) -> FloatArray:
     x = responses_to(loads)
     x += noise * x.std() * np.random.default_rng(9).standard_normal(x.shape)
     return np.concatenate([x, loads])[:, SETTLED:]
+
+
+def recorded_sines(
+    hz: Sequence[float], samples: int, noise: float, seed: int = 0, loads: int = 1
+) -> FloatArray:
+    """Responses and loads that are sines, with noise; of two loads each has one."""
+    rng, time = np.random.default_rng(seed), np.arange(samples + SETTLED) / RATE
+    sines = np.sin(2 * np.pi * np.outer(hz, time) + rng.uniform(0, 6, (len(hz), 1)))
+    x = recorded(sines.sum(axis=0)[None] if loads == 1 else sines, noise=0.0)
+    x[:3] += noise * rng.standard_normal(x[:3].shape)
+    return x
 
 
 def random_loads(count: int) -> FloatArray:
@@ -95,14 +108,6 @@ def test_a_load_that_repeats_needs_no_window() -> None:
     np.testing.assert_allclose(np.diff(found.frequency_hz), RATE / 500)
     # the body is steady to e^{-0.005 · 3000} before the first block
     np.testing.assert_allclose(found.mean, expected(found), rtol=1e-5, atol=1e-5)
-
-
-def test_steady_sines_are_frfs_of_their_lines() -> None:
-    time = np.arange(SAMPLES + SETTLED) / RATE
-    x = recorded(np.sin(2 * np.pi * np.outer([8.0, 17.0], time)).sum(axis=0)[None], noise=0.0)
-    found = frfs_of_loads(lambda: [x], RATE, THREE, along_z((1,)))
-    np.testing.assert_allclose(found.frequency_hz, [8.0, 17.0])
-    np.testing.assert_allclose(found.mean, expected(found), rtol=1e-4)
 
 
 def test_loads_that_are_alike_in_a_band_are_left_out_there() -> None:
