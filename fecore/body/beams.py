@@ -12,6 +12,9 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.constants import Parameter, of_beams
 from fecore.errors import InputError
 
+LEAST_SHEAR = 1e-3
+"""Shear factor that no section falls below; thin walls across the force leave some 0.01."""
+
 
 @dataclass(frozen=True)
 class BeamSection:
@@ -52,6 +55,13 @@ class BeamSection:
             raise InputError(
                 "section.inertia", f"is {self.inertia}, expected ∫z², ∫y² and ∫yz of a real section"
             )
+
+    @property
+    def is_rod(self) -> bool:
+        """Whether it resists stretch and twist alone: shear factors of next to nothing. Parts of it
+        would give way between its ends.
+        """
+        return max(self.shear) < LEAST_SHEAR
 
     @classmethod
     def rectangle(

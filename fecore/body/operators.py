@@ -199,7 +199,7 @@ def on_independent_nodes(
             if node in links:
                 link = links[node]
                 parts = list(zip(link.independent, link.matrices(places), strict=True))
-                if link.own.any() or not parts:
+                if link.own.any() or not parts or link.equations is not None:
                     parts.append((_OWN + node, link.own))
             for target, matrix in parts:
                 columns[target] = columns.get(target, 0) + own @ matrix

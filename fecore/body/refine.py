@@ -15,10 +15,11 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.body.beams import BeamSection
 from fecore.body.facets import bows, find, is_straight, sides_of
 from fecore.body.mesh import BEAMS, SHELLS, CellBlock, Mesh
 from fecore.body.structure import Structure
-from fecore.body.supports import Link
+from fecore.body.supports import DISPLACEMENTS, Link, Support
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Refined:
 
 def refined(body: Structure, *, curved: bool = True) -> Refined:
     """The body with its linear elements raised by an order or, where shells are quadratic, all
-    halved.
+    halved. Rods stay whole.
 
     Args:
         body: of shells and beams.
@@ -47,7 +48,13 @@ def refined(body: Structure, *, curved: bool = True) -> Refined:
         bows(mesh) if curved else np.zeros((0, 3)),
         sides_of(mesh) if curved else np.zeros((0, 2), int),
     )
-    blocks = [work.raised(block) for block in mesh.blocks]
+    rods = [
+        isinstance(section := body.sections[block.set], BeamSection) and section.is_rod
+        for block in mesh.blocks
+    ]
+    blocks = [
+        block if rod else work.raised(block) for block, rod in zip(mesh.blocks, rods, strict=True)
+    ]
     if halve:
         was = [block.kind for block in mesh.blocks]
         blocks = [
@@ -215,7 +222,34 @@ class _Work:
         edge = self._free_edges(blocks)
         sets = {name: self._joined(nodes, amid, edge) for name, nodes in mesh.node_sets.items()}
         links = (*body.links, *self._links(body.links, amid))
-        return replace(body, mesh=Mesh(np.vstack(self._places), blocks, sets), links=links)
+        fine = Mesh(np.vstack(self._places), blocks, sets)
+        between = tuple(self._between_supports(body.supports, fine, amid, edge))
+        own = tuple(Support(name, dofs) for name, dofs, _ in between)
+        return replace(
+            body,
+            mesh=replace(fine, node_sets={**sets, **{name: nodes for name, _, nodes in between}}),
+            supports=(*body.supports, *own),
+            links=links,
+        )
+
+    def _between_supports(
+        self, supports: tuple[Support, ...], fine: Mesh, amid: IntArray, edge: BoolArray
+    ) -> Iterator[tuple[str, tuple[str, ...], IntArray]]:
+        """Name, dofs and nodes of supports amid two nodes that different supports hold, in what
+        both hold.
+        """
+        held = np.zeros((self._count, len(DISPLACEMENTS)), dtype=bool)
+        for support in supports:
+            held[fine.select(support.where)[:, None], list(support.dofs)] = True
+        both = held.copy()
+        for number, (a, b) in enumerate(amid.tolist(), start=self._old):
+            if not (edge[a] and edge[b] and not edge[number]):
+                both[number] |= both[a] & both[b]
+        missing = both & ~held
+        for dofs in np.unique(missing[missing.any(axis=1)], axis=0):
+            names = tuple(np.array(DISPLACEMENTS)[dofs].tolist())
+            nodes = np.flatnonzero((missing == dofs).all(axis=1))
+            yield f"amid supports: {' '.join(names)}, {self._count} nodes", names, nodes
 
     def _free_edges(self, blocks: tuple[CellBlock, ...]) -> BoolArray:
         """(fine nodes,) whether a node lies on a side of one shell alone."""
@@ -249,7 +283,11 @@ class _Work:
         """Links of new nodes amid two that depend alike: on one node, on nodes with a node amid
         them, or on none.
         """
-        known = {link.node: link for link in links if len(link.independent) < 2}
+        known = {
+            link.node: link
+            for link in links
+            if len(link.independent) < 2 and link.equations is None
+        }
         number_of = {(a, b): self._old + row for row, (a, b) in enumerate(amid.tolist())}
         for number, (a, b) in enumerate(amid.tolist(), start=self._old):
             if a not in known or b not in known:

@@ -17,6 +17,7 @@ Boundary = Literal["cantilever", "free", "simply_supported"]
 Edge = Literal["start", "end", "lower", "upper"]
 
 DISPLACEMENTS = ("u", "v", "w", "rx", "ry", "rz")
+_WRITTEN = 1e-5  # digits to which coefficients of equations are written, by their terms
 ALL_DOFS = tuple(range(len(DISPLACEMENTS)))
 """Dofs of a node, along and about the axes of the structure."""
 
@@ -258,6 +259,9 @@ class Link:
     weights: tuple[float, ...] = ()  # of the independent nodes of a mean; alike where empty
     # (3, 3) as rows, along which the dofs are; the structure's where None
     axes: FloatArray | None = None
+    # (n + 1, 6, 6) the dependent dofs, along their axes, by the motions of the independent nodes
+    # and, last, by the dofs that stay its own: linear equations, which may hold rigid motions
+    equations: FloatArray | None = None
 
     @property
     def turn(self) -> FloatArray:
@@ -273,7 +277,10 @@ class Link:
     @property
     def own(self) -> FloatArray:
         """(6, 6) motion of the node by the dofs that stay its own."""
-        return np.asarray(self.turn.T * ~np.isin(np.arange(6), self.dofs), dtype=np.float64)
+        stay = np.diag(~np.isin(np.arange(6), self.dofs)).astype(float)
+        return np.asarray(
+            self.turn.T @ (stay if self.equations is None else stay + self.equations[-1])
+        )
 
     def matrices(self, nodes: FloatArray) -> FloatArray:
         """(independent, 6, 6) motion of the node by those of its independent nodes.
@@ -288,6 +295,8 @@ class Link:
         """
         places, here = nodes[list(self.independent)], nodes[self.node]
         matrices = np.zeros((len(places), 6, 6))
+        if self.equations is not None:
+            return np.asarray(self.turn.T @ self.equations[:-1])
         if not self.independent:
             return matrices
         if len(places) == 1:
@@ -347,11 +356,24 @@ def rigid_motions(nodes: FloatArray, links: tuple[Link, ...] = ()) -> FloatArray
     """(n, 6, 6) the six rigid motions of (n, 3) nodes: shifts along x, y, z and turns about axes
     through the nodes' centre.
 
-    Those of a node with a link are along its axes; what others lead there is none.
+    Those of a node with a link are along its axes; what others lead there is none, but what of a
+    motion its equations do not have.
     """
     motions = np.zeros((len(nodes), 6, 6))
     motions[:, :3, :3] = motions[:, 3:, 3:] = np.eye(3)
     motions[:, :3, 3:] = turning(nodes - nodes.mean(axis=0))
+    whole = motions.copy()
     for link in links:
-        motions[link.node] = (link.own.T if link.independent else link.turn) @ motions[link.node]
+        along = link.turn @ whole[link.node]
+        dependent = np.isin(np.arange(6), link.dofs)
+        if link.equations is not None:
+            others = np.concatenate([whole[list(link.independent)], along[None]])
+            by = np.einsum("nij,njm->im", link.equations, others)
+            terms = np.abs(along) + np.einsum("nij,njm->im", np.abs(link.equations), np.abs(others))
+            along[dependent] = np.where(np.abs(along - by) > _WRITTEN * terms, along - by, 0)[
+                dependent
+            ]
+        elif link.independent:
+            along[dependent] = 0
+        motions[link.node] = along
     return motions

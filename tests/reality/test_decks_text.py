@@ -164,13 +164,22 @@ def test_sticks_of_soft_and_stiff_material_are_asked_about() -> None:
         assert imported("a.bdf", deck, accept=["modulus:pbar_1"]).frequencies(3)[0] > 0
 
 
-def test_what_was_not_read_is_told_first() -> None:
+def test_a_mass_that_equations_alone_join() -> None:
+    """They lead displacements without an arm: the mass stands as on the grid that leads."""
     deck = reality("deck_mpc_mass.bdf")
+    on_grid = re.sub(r"(?m)^(MPC|GRID +50 ).*\n", "", deck).replace("102      50", "102      11")
+    first, second = (imported("a.bdf", text) for text in (deck, on_grid))
+    np.testing.assert_allclose(first.frequencies(4), second.frequencies(4), rtol=1e-9)
+    assert first.document["mass_kg"] == pytest.approx(second.document["mass_kg"])
+
+
+def test_what_was_not_read_is_told_first() -> None:
+    aside = "GRID,50,,1000.,0.,10.\nCONM2,102,50,,1.-3\nRSPLINE,7,,10,50,123456,11\n"
     with pytest.raises(Invalid) as caught:
-        imported("a.bdf", deck)
+        imported("a.bdf", stick(more=aside))
     first, second = caught.value.faults
-    assert first.detail.startswith("line 35: MPC: not used: constraint equations between grids")
-    assert second.detail.startswith("line 34: a mass is on node 50")
+    assert first.detail.startswith("line 34: RSPLINE: not used: a rigid element")
+    assert second.detail.startswith("line 33: a mass is on node 50")
     scalar = stick(more="SPOINT,99\nCELAS2,98,1.,11,1,99,0\n")
     with pytest.raises(Invalid, match=r"SPOINT: not used: scalar points; .*there is no GRID 99"):
         imported("a.bdf", scalar)
@@ -314,6 +323,67 @@ def test_texts_that_are_refused_with_their_cure(deck: str, said: str) -> None:
 def test_equations_of_other_columns(text: str) -> None:
     model = imported("a.bdf", stick(more=text + " GRID,60,,0.,0.,0.\n"))
     assert model.notes()["DEQATN"] == ([32], False)
+
+
+def test_hinges_and_equations_as_a_beam_of_two_halves_has_them() -> None:
+    """Both ends held: with a hinge amid, odd modes are those of a beam that is held at one end."""
+    ends = "SPC1,1,123456,11\n"
+    hinged = stick(more=ends).replace("CBAR,6,1,6,7,0.,1.,0.", "CBAR,6,1,6,7,0.,1.,0.\n,56")
+    slider = stick(more=ends).replace("CBAR,6,1,6,7", "GRID,60,,500.,0.,0.\nCBAR,6,1,60,7")
+    equations = "".join(f"MPC,3,60,{k},1.,6,{k},-1.\n" for k in (1, 2, 3, 4))
+    slider = slider.replace("SPC = 1\n", "SPC = 1\nMPC = 3\n").replace(
+        "ENDDATA", equations + "ENDDATA"
+    )
+    first, second = (imported("a.bdf", deck).frequencies(6) for deck in (hinged, slider))
+    np.testing.assert_allclose(first, second, rtol=1e-6)
+    half = 1.8751**2 * np.sqrt(70000 * 13333.3 / (2.7e-9 * 400) / 500**4) / (2 * np.pi)
+    np.testing.assert_allclose(first[:2], half, rtol=0.01)
+
+
+def test_a_roller_askew_by_an_equation() -> None:
+    """It holds what a support along its own axes does, and the body is not free to move there."""
+    c, s = np.cos(1.0), np.sin(1.0)
+    roller = stick(more=f"MPC,3,11,2,{c:.6f},11,1,{-s:.6f}\n").replace(
+        "SPC = 1\n", "SPC = 1\nMPC = 3\n"
+    )
+    turned = f"CORD2R,7,,0.,0.,0.,0.,0.,1.\n,{c:.6f},{s:.6f},0.\nSPC1,1,2,11\n"
+    support = stick(more=turned).replace("GRID,11,,1000.0,0.,0.", "GRID,11,,1000.0,0.,0.,7")
+    first, second = (imported("a.bdf", deck) for deck in (roller, support))
+    np.testing.assert_allclose(first.frequencies(4), second.frequencies(4), rtol=1e-5)
+    assert first.document["mass_kg"] == pytest.approx(second.document["mass_kg"])
+    free = imported("a.bdf", roller, boundary="free").body.model
+    assert free.rigid_modes.shape[1] == 5
+
+
+def test_a_truss_does_not_shear() -> None:
+    """Rods whose turns are held, as trusses state it, resist stretch alone, on a finer mesh too."""
+    up, along = 20.0 * 70000 / 200, 2 * 20.0 * 70000 / 250 * 0.6**2
+    grids = "".join(
+        f"GRID,{k},,{x},0.,{z},,2456\n"
+        for k, x, z in ((1, -150.0, 0.0), (2, 0.0, 0.0), (3, 150.0, 0.0), (4, 0.0, 200.0))
+    )
+    deck = (
+        f"{grids}CROD,1,1,1,4\nCROD,2,1,2,4\nCONROD,3,3,4,1,20.\nPROD,1,1,20.\nSPC1,1,13,1,2,3\n"
+        "MAT1,1,70000.,,.33,1.-12\nCONM2,9,4,,1.-3\n"
+    )
+    found = forecast(imported("a.bdf", deck, accept=["density:1"]).body, ForecastOrder())
+    hz = np.sqrt(np.array([along, up + 2 * 5600 * 0.8**2]) / 1e-3) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequency_hz[:2], hz, rtol=1e-3)
+    assert found.finer_hz is not None
+    np.testing.assert_allclose(found.finer_hz[:2], hz, rtol=1e-3)
+
+
+def test_shells_bend_by_e_and_nu() -> None:
+    """Of a MAT1 whose G does not fit, G acts across the shell alone."""
+    plate = "".join(f"GRID,{3 * i + j + 1},,{50.0 * i},{50.0 * j},0.\n" for i in range(7) for j in range(3)) + "".join(
+        f"CQUAD4,{2 * i + j + 1},1,{3 * i + j + 1},{3 * i + j + 4},{3 * i + j + 5},{3 * i + j + 2}\n"
+        for i in range(6)
+        for j in range(2)
+    )  # fmt: skip
+    deck = plate + "PSHELL,1,1,1.,1,,1\nMAT1,1,70000.,{},.33,2.7-9\n"
+    fits, differs = (imported("a.bdf", deck.format(G), boundary="free") for G in ("", "20000."))
+    np.testing.assert_allclose(differs.frequencies(4), fits.frequencies(4), rtol=1e-3)
+    assert differs.notes()["MAT1 with E, G, NU"][1] is False
 
 
 def test_a_mean_of_an_edge_turns_with_it() -> None:

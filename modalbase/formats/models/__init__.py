@@ -5,6 +5,7 @@ model      what a deck says, whoever wrote it
 losses     all that a reader may say is lost of it
 questions  what is unusual in a model, or would be left out: asked, and answered by `accept`
 shapes     cross sections of beams from their walls, and by name and dimensions
+equations  linear equations between dofs as links
 check      areas, normals, and what a model must satisfy before it is solved
 units      units by name, guessed and checked
 files      a deck and what it includes, as lines

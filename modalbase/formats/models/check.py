@@ -173,6 +173,7 @@ def gathered(links: Iterable[Link]) -> tuple[Link, ...]:
             link.leaders,
             link.weights,
             None if link.axes is None else link.axes.tobytes(),
+            id(link) if link.equations is not None else None,
         )
         before = merged.get(key, link)
         merged[key] = replace(before, dofs=tuple(sorted({*before.dofs, *link.dofs})))
@@ -195,6 +196,7 @@ def on_independent_nodes(
         link.node: link
         for link in links
         if len(link.leaders) == 1
+        and link.equations is None
         and np.linalg.norm(places[link.node] - places[link.leaders[0]]) <= near
     }
     for support in supports:
@@ -242,6 +244,12 @@ def _held_or_dependent(model: FiniteElementModel) -> None:
         for node in links.keys() & set(support.nodes.tolist()):
             link, dependent = links[node], directions(links[node])
             rows = directions(support) @ dependent.T @ dependent
+            if link.equations is not None and np.abs(rows).max(initial=0.0) > LEAST:
+                raise FormatError(
+                    str(support.where),
+                    f"holds node {model.numbers[node]} in what the equation of {link.where} has others"
+                    " lead; hold another node of it, or let it begin with another",
+                )
             for other in link.leaders:
                 if len(link.leaders) == 1:  # d · (u + θ × r) = d · u + θ · (r × d)
                     arm = np.cross(model.nodes[node] - model.nodes[other], rows[:, :3])

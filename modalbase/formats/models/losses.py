@@ -56,6 +56,17 @@ OF_BDF = {
     "laminate_option": Loss(
         "the laminate is read with all of its stiffness", True, "{card} LAM={lamina}"
     ),
+    "mat1_one_constant": Loss(
+        "Nastran takes the other two as 0 then; here ν = 0 and E = 2 G",
+        True,
+        "MAT1 with E or G alone",
+    ),
+    "mat1_inconsistent": Loss(
+        "E, G and ν do not fit one another; as in Nastran shells take E and ν, and G across, and bars"
+        " E and G",
+        card="MAT1 with E, G, NU",
+    ),
+    "prestress_of_subcase": Loss("a static load case that stiffens or softens", True, "STATSUB"),
     "mat8_without_shear": Loss(f"{_RIGID_IN_SHEAR} with G12 there", card="MAT8 without G1Z, G2Z"),
     "mat2_coupling": Loss(
         "the coupling of stretch and shear is lost; use MAT8 with an angle",
@@ -79,10 +90,14 @@ OF_BDF = {
         "{card} with its shear centre aside",
     ),
     "mass_off_axis": Loss("non-structural mass stands on the neutral axis", True, "PBEAM M1, M2"),
-    "released_end": Loss("a released end is not released here", True, "{card} PA, PB"),
     # of what is carried and held
     "spring_askew": Loss(
         "its second end acts along the first one's direction", True, "{card} askew"
+    ),
+    "bush_mass_at_ground": Loss(
+        "half of the mass M of a bush to the ground moves with its grid",
+        True,
+        "PBUSH M to the ground",
     ),
     "mass_not_selected": Loss(
         "non-structural mass that the deck does not select is not used",
@@ -92,6 +107,7 @@ OF_BDF = {
     "rbar": Loss(
         "a rigid bar that both ends lead in part is not used", True, "RBAR led by both ends"
     ),
+    "rbe1": Loss("a rigid body that several grids lead is not used", True, "RBE1 led by several"),
     "rbe3_components": Loss(
         "leaders are read with all three displacements", True, "RBE3 without C = 123"
     ),
@@ -100,14 +116,14 @@ OF_BDF = {
         "constraints of sets that the deck does not select are not used",
         card="{card} of another set",
     ),
-    "spc_of_subcase": Loss(
-        "the modes are read with SPC = {selected}, not {other}", card="SPC of another subcase"
+    "set_of_subcase": Loss(
+        "the modes are read with {card} = {selected}, not {other}", card="{card} of another subcase"
     ),
-    "spc_not_selected": Loss(
-        "nothing selects one of the sets {sets}; all of them hold here", True, "SPC"
+    "sets_not_selected": Loss(
+        "nothing selects one of the sets {sets}; all of them hold here", True
     ),
-    "spc_missing": Loss(
-        "{who} SPC = {missing}, which is not in the deck; nothing is held by it", True, "SPC"
+    "set_missing": Loss(
+        "{who} {card} = {missing}, which is not in the deck; nothing is held by it", True
     ),
 }
 """Of decks of Nastran."""
@@ -128,7 +144,8 @@ OF_INP = {
     "rot_node": Loss("the ROT NODE: supports and masses that act on it", True),
     "weights_by_distance": Loss("weights that fall with the distance: all are taken alike", True),
     "equation": Loss(
-        "an equation between dofs, other than that nodes at one place move alike", True
+        "an equation between sets of several nodes, or with dofs above 6; write it node by node",
+        True,
     ),
     "tie": Loss("a tie of {count} node(s) that lie on no node of the other surface", True),
     "driven_motion": Loss("motion that another model prescribes", True),

@@ -195,6 +195,9 @@ class Link:
     where: Where
     weights: tuple[float, ...] = ()
     axes: Floats | None = None
+    # (n + 1, 6, 6) the dependent dofs by the motions of the leaders, in the model's frame, and,
+    # last, by the node's other dofs: linear equations, in place of a body or a mean
+    equations: Floats | None = None
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import (
     BeamSection,
     FiniteElementModel,
+    Link,
     Material,
     PointMass,
     ShellSection,
@@ -152,7 +153,16 @@ def in_si(model: FiniteElementModel, units: str) -> FiniteElementModel:
         materials={name: _material(material, u) for name, material in model.materials.items()},
         masses=tuple(_mass(mass, u) for mass in model.masses),
         springs=tuple(_spring(spring, u) for spring in model.springs),
+        links=tuple(_link(link, u) for link in model.links),
     )
+
+
+def _link(link: Link, u: UnitSystem) -> Link:
+    """Equations between displacements and turns have lengths."""
+    if link.equations is None:
+        return link
+    unit = np.repeat([u.length, 1.0], 3)
+    return replace(link, equations=link.equations * (unit[:, None] / unit))
 
 
 def _section(section: ShellSection | BeamSection, u: UnitSystem) -> ShellSection | BeamSection:

@@ -54,7 +54,7 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
     held = boundary == AS_MODELLED
     stated = model.supports if held else ()
     turned = _turned(stated, model.links)
-    links = [Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links]
+    links = [Link(m.node, m.leaders, m.dofs, m.weights, m.axes, m.equations) for m in model.links]
     dependent = {link.node for link in links}
     supports = {
         f"support {k} of {s.where}": (
@@ -143,7 +143,7 @@ def _beam(
     own = orthotropic(material)
     return beams.BeamSection(
         E=own.Ex,
-        G=own.Gxy,
+        G=own.Gxz,
         density=own.density + section.extra_mass / section.area,
         area=section.area,
         inertia=section.inertia,
@@ -161,7 +161,9 @@ def orthotropic(material: Material) -> OrthotropicMaterial:
             **c,
             "nu12": c["nu"],
             **dict.fromkeys(("E1", "E2"), c["E"]),
-            **dict.fromkeys(("G12", "G13", "G23"), c["G"]),
+            "G12": c["E"]
+            / (2 * (1 + c["nu"])),  # G may differ from it, of decks that state all three
+            **dict.fromkeys(("G13", "G23"), c["G"]),
         }
     return OrthotropicMaterial(
         Ex=c["E1"],

@@ -130,6 +130,11 @@ def _answered(model: FiniteElementModel, inputs: DeckInputs) -> FiniteElementMod
 
 def describe(model: FiniteElementModel, body: Structure) -> dict[str, Any]:
     """What is in a model in SI, as an engineer checks it."""
+    # equations may keep a body from moving as one, and what it weighs is no matter of these
+    without_equations = replace(
+        body, links=tuple(link for link in body.links if link.equations is None)
+    )
+    body = body if len(without_equations.links) == len(body.links) else without_equations
     masses = body.mass_coefficients(np.array(list(body.nominal.values())))
     shift = body.model.motions[:, 0]
     counts = {

@@ -10,7 +10,7 @@ import numpy as np
 from modalbase.formats.constants import ROUND_OFF
 from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.bdf.deck import BdfDeck, family
-from modalbase.formats.models.model import BeamSection, Elements, Floats
+from modalbase.formats.models.model import ALL_DOFS, BeamSection, Elements, Floats, Link
 from modalbase.formats.models.shapes import NASTRAN, is_real
 
 _OF_ELEMENT = {
@@ -123,7 +123,9 @@ class BeamSections:
             return section
         self._deck.notes.add(card, "beam_without_inertia", card.name, least=_LEAST)
         inertia = (first or _LEAST * round_bar, second or _LEAST * round_bar, mixed)
-        return replace(section, inertia=inertia, torsion=section.torsion or 2 * _LEAST * round_bar)
+        shear = section.shear if first > 0 or second > 0 else (_LEAST, _LEAST)
+        torsion = section.torsion or 2 * _LEAST * round_bar
+        return replace(section, inertia=inertia, torsion=torsion, shear=shear)
 
     def _shears(self, card: Card, first: float, second: float) -> tuple[float, float] | None:
         """K1 and K2; zero is rigid in shear."""
@@ -274,11 +276,15 @@ class Beams:
 
     Attributes:
         sections: of the sets that elements use, by name.
+        ends: places of the nodes of released ends, whose rows follow those of the grids.
+        links: of these nodes by the grids.
     """
 
     def __init__(self, deck: BdfDeck, extra: Mapping[tuple[str, int], float]) -> None:
         """Of a deck, and non-structural mass per length by family and number of property."""
         self.sections: dict[str, BeamSection] = {}
+        self.ends: list[Floats] = []
+        self.links: list[Link] = []
         self._deck, self._properties = deck, BeamSections(deck, extra)
         self._defaults = {
             element: card for element, name in _DEFAULTS.items() for card in deck.take(name)
@@ -296,7 +302,10 @@ class Beams:
                 self._deck.grids.row(card, index, f"G{end}")
                 for index, end in zip(ends, "AB", strict=True)
             )
-            axis, offsets = self._rod(a, b) if card.name in _RODS else self._bar(card, own, a, b)
+            if card.name in _RODS:
+                axis, offsets = self._rod(a, b)
+            else:
+                axis, offsets, a, b = self._bar(card, own, a, b)
             by_set.setdefault(own.set, []).append((number, (a, b), card, axis, offsets))
         return [_block(name, rows) for name, rows in by_set.items()]
 
@@ -313,7 +322,8 @@ class Beams:
         across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
         return across / (np.linalg.norm(along) or 1.0), np.zeros((2, 3))
 
-    def _bar(self, card: Card, own: Property, a: int, b: int) -> tuple[Floats, Floats]:
+    def _bar(self, card: Card, own: Property, a: int, b: int) -> tuple[Floats, Floats, int, int]:
+        """Axis 1, offsets of the ends, and their rows; a released end is a node of its own."""
         frames = self._deck.grids.axes(a), self._deck.grids.axes(b)
         default = self._defaults.get(card.name)
         source = card if any(map(card.text, (4, 5, 6))) or default is None else default
@@ -335,9 +345,26 @@ class Beams:
                     else np.eye(3)
                 )
                 arms[end] = np.array(stated[3 * end : 3 * end + 3]) @ frame
-        if any(card.text(index) not in ("", "0") for index in (8, 9)):
-            self._deck.notes.add(card, "released_end", card.name)
-        return axis, _straight(card, own.centroid, along + arms[1] - arms[0], axis, arms)
+        along = along + arms[1] - arms[0]
+        offsets = _straight(card, own.centroid, along, axis, arms)
+        rows = [a, b]
+        for end in (0, 1):
+            if released := card.dofs(8 + end, f"P{'AB'[end]}", "0"):
+                rows[end] = self._released(card, rows[end], arms[end], released, _axes(along, axis))
+                offsets[end] -= arms[end]
+        return axis, offsets, rows[0], rows[1]
+
+    def _released(
+        self, card: Card, row: int, arm: Floats, dofs: tuple[int, ...], axes: Floats
+    ) -> int:
+        """The row of a new node at the end of a bar, which a grid leads in all but some dofs along
+        the bar's axes.
+        """
+        new = len(self._deck.grids.places) + len(self.ends)
+        self.ends.append(self._deck.grids.places[row] + arm)
+        held = tuple(dof for dof in ALL_DOFS if dof not in dofs)
+        self.links.append(Link(new, (row,), held, card.where, axes=axes))
+        return new
 
     def _orientation(self, card: Card, source: Card, a: int, frame: Floats) -> Floats:
         """The direction v in the model's frame, from a grid G0 or by its components."""

@@ -47,17 +47,16 @@ def read_masses(deck: BdfDeck) -> Iterator[PointMass]:
         yield PointMass(row, mass * mass_factor, card.where, rows, _vector(offset))
 
 
-def read_springs(deck: BdfDeck) -> Iterator[Spring]:
-    """CELAS1, CELAS2 and CBUSH."""
-    springs = _Springs(deck)
-    for card in deck.elements("CELAS1", "CELAS2", "CBUSH"):
-        yield from springs.bush(card) if card.name == "CBUSH" else springs.scalar(card)
+class Springs:
+    """Reader of springs, with what PBUSH and PELAS state; two PELAS may stand on a card.
 
-
-class _Springs:
-    """Reader of springs, with what PBUSH and PELAS state; two PELAS may stand on a card."""
+    Attributes:
+        masses: of bushes that were read, half at each end.
+    """
 
     def __init__(self, deck: BdfDeck) -> None:
+        self._deck = deck
+        self.masses: list[PointMass] = []
         self.grids, self.notes = deck.grids, deck.notes
         self.bushes = numbered(deck.take("PBUSH"), "property", "PID")
         self.properties: dict[int, float] = {}
@@ -67,6 +66,11 @@ class _Springs:
                     stiffness = card.real(at + 1, "K")
                     if self.properties.setdefault(card.integer(at, "PID"), stiffness) != stiffness:
                         raise card.error("the property is there twice, with two stiffnesses", at)
+
+    def read(self) -> Iterator[Spring]:
+        """CELAS1, CELAS2 and CBUSH."""
+        for card in self._deck.elements("CELAS1", "CELAS2", "CBUSH"):
+            yield from self.bush(card) if card.name == "CBUSH" else self.scalar(card)
 
     def scalar(self, card: Card) -> Iterator[Spring]:
         """CELAS1 and CELAS2: between components of two grids, or to the ground."""
@@ -132,21 +136,21 @@ class _Springs:
             raise card.wrong(1, "PID", f"a property of it; there is no PBUSH {property_number}")
         a = self.grids.row(card, 2, "GA")
         b = self.grids.row(card, 3, "GB") if card.text(3) else None
-        stiffness = _bush_stiffness(self.bushes[property_number])
+        own = self.bushes[property_number]
+        stiffness = _bush_stiffness(own)
+        self._weigh(own, card, [a] if b is None else [a, b])
         axes = self._bush_axes(card, a, b, set(stiffness))
         arms = self._arms(card, a, b)
         for dof, value in stiffness.items():
             if value < 0:
-                raise self.bushes[property_number].error(
-                    f"K{dof + 1} is {value:g}, expected not below zero"
-                )
+                raise own.error(f"K{dof + 1} is {value:g}, expected not below zero")
             axis = axes[dof % 3]
             plain = np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12)
-            own = dof if plain else 3 * (dof // 3)
-            far = None if b is None else own
+            kind = dof if plain else 3 * (dof // 3)
+            far = None if b is None else kind
             yield Spring(
                 a,
-                own,
+                kind,
                 value,
                 card.where,
                 b,
@@ -154,6 +158,18 @@ class _Springs:
                 direction=None if plain else _vector(axis),
                 arms=arms,
             )
+
+    def _weigh(self, own: Card, card: Card, ends: list[int]) -> None:
+        """Take the mass of a bush, of the line that is marked M."""
+        at = next((at for at in range(1, len(own), 8) if own.text(at) == "M"), None)
+        mass = 0.0 if at is None else own.real(at + 1, "M", 0.0)
+        if mass < 0:
+            raise own.error(f"M is {mass:g}, expected not below zero")
+        if mass and len(ends) < 2:
+            self.notes.add(card, "bush_mass_at_ground")
+        if mass:
+            half = mass * self._deck.mass_factor / 2
+            self.masses += [PointMass(row, half, card.where) for row in ends]
 
     def _bush_axes(self, card: Card, a: int, b: int | None, dofs: set[int]) -> Floats:
         if card.text(7):

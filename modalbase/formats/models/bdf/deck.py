@@ -54,7 +54,6 @@ _HARMLESS: tuple[tuple[str, str], ...] = (
      r"|UNGLUE|MODTRAK|GRIDF|CYSYM|SWLDPRM|HYBDAMP|CAMPBLL|ROTOR.*|RSPIN.*|RGYRO", "data that modes do not need"),
 )  # fmt: skip
 _CHANGING: tuple[tuple[str, str], ...] = (
-    (r"MPC|MPCADD", "constraint equations between grids"),
     (r"ASET1?|OMIT1?|QSET1?|BSET.*|CSET.*|DYNRED|SESET|SEBSET1?|SEQSET1?|SECSET1?", "a reduction to chosen dofs"),
     (r"CGAP|PGAP|BCTABLE|BCONTACT|BCBODY1?|BCTSET|BCTPARM|CONTACT", "gaps and contact"),
     (r"BGSET|BGPARM|BGADD", "glued contact, which joins parts"),
@@ -63,7 +62,7 @@ _CHANGING: tuple[tuple[str, str], ...] = (
     (r"CSHEAR|PSHEAR", "shear panels"),
     (r"CMASS\d|PMASS|CONM1", "masses at single dofs"),
     (r"[SE]POINT.*|CELAS[34]", "scalar points"),
-    (r"RBE1|RROD|RTRPLT1?|RSPLINE|RSSCON|RJOINT|RBAR1", "a rigid element"),
+    (r"RROD|RTRPLT1?|RSPLINE|RSSCON|RJOINT|RBAR1", "a rigid element"),
     (r"CBEAM3|PBEAM3|CBEND|PBEND|CQUADX\d?|CTRIAX\d?|CTRAX.*|CCON.*|PCONEAX|CRAC.*|CQUAD|CPLST.*|CPLSTN.*|CROT.*",
      "elements of a kind that is not read"),
     (r"GENEL", "a stiffness matrix"),
@@ -82,8 +81,6 @@ def note_unread(deck: BdfDeck) -> None:
     """Note cards that change modes and that no reader takes, before what they may leave incomplete
     is read.
     """
-    if deck.case.is_stated and deck.case.number("MPC") is None:
-        deck.take("MPC", "MPCADD")
     _note(
         deck,
         [
@@ -168,6 +165,7 @@ class Case:
     selected: dict[str, str] = field(default_factory=dict)
     # other sets of the same kind that further subcases select, with the line
     others: dict[str, list[tuple[str, Where]]] = field(default_factory=dict)
+    places: dict[str, Where] = field(default_factory=dict)  # where the selected sets are named
     params: list[Line] = field(default_factory=list)  # lines PARAM of the case control
 
     def number(self, order: str) -> int | None:
@@ -203,7 +201,8 @@ def read_case(lines: Sequence[Line]) -> Case:
             if order == name or (len(order) >= 4 and name.startswith(order)):
                 (subcases[-1] if subcases else common)[name] = (value, line.where)
     chosen = next((case for case in subcases if "METHOD" in case), subcases[0] if subcases else {})
-    control.selected = {name: value for name, (value, _) in {**common, **chosen}.items()}
+    for name, (value, where) in {**common, **chosen}.items():
+        control.selected[name], control.places[name] = value, where
     for case in subcases:
         for name, (value, where) in case.items():
             if value != control.selected.get(name):

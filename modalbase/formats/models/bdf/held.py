@@ -8,6 +8,7 @@ import numpy as np
 from modalbase.formats.models.bdf.card import Card, whole
 from modalbase.formats.models.bdf.deck import BdfDeck
 from modalbase.formats.models.bdf.frames import BASIC, Grids
+from modalbase.formats.models.equations import Equation, Term
 from modalbase.formats.models.model import ALL_DOFS, Floats, Link, Support, Where
 
 
@@ -57,7 +58,7 @@ def _turned(grids: Grids, row: int, dofs: tuple[int, ...]) -> Floats | None:
 
 
 def read_links(deck: BdfDeck) -> Iterator[Link]:
-    """RBE2, RBE3 and RBAR."""
+    """RBE2, RBE3, RBAR, and RBE1 that one grid leads."""
     for card in deck.elements(*_READERS):
         card.integer(0, "EID")
         yield from _READERS[card.name](card, deck)
@@ -88,6 +89,10 @@ def _rbar(card: Card, deck: BdfDeck) -> Iterator[Link]:
                 axes=_turned(grids, ends[dependent], dofs),
             )
             return
+    # six dofs of both ends that lead all the others say the same: both move as one body
+    if len(lead[0]) + len(lead[1]) == len(ALL_DOFS) and not any(map(card.text, (5, 6))):
+        yield Link(ends[1], (ends[0],), ALL_DOFS, card.where)
+        return
     deck.notes.add(card, "rbar")
 
 
@@ -126,14 +131,30 @@ def _rbe3(card: Card, deck: BdfDeck) -> Iterator[Link]:
     )
 
 
-_READERS = {"RBE2": _rbe2, "RBE3": _rbe3, "RBAR": _rbar}
+def _rbe1(card: Card, deck: BdfDeck) -> Iterator[Link]:
+    grids = deck.grids
+    fields = [(index, text) for index, text in card.words(1) if text != "ALPHA"]
+    at = next((k for k, (_, text) in enumerate(fields) if text == "UM"), len(fields))
+    dependent = fields[at + 1 :]
+    dependent = dependent[: len(dependent) // 2 * 2]  # without a coefficient of expansion
+    if at != 2 or card.dofs(fields[1][0], "CN1") != ALL_DOFS or not dependent:
+        deck.notes.add(card, "rbe1")
+        return
+    leader = grids.row(card, fields[0][0], "GN1")
+    for (index, _), (component, _) in zip(dependent[::2], dependent[1::2], strict=True):
+        row, dofs = grids.row(card, index, "GM"), card.dofs(component, "CM")
+        yield Link(row, (leader,), dofs, card.where, axes=_turned(grids, row, dofs))
+
+
+_READERS = {"RBE2": _rbe2, "RBE3": _rbe3, "RBAR": _rbar, "RBE1": _rbe1}
 
 
 def read_supports(deck: BdfDeck) -> list[Support]:
     """Constraints of the set that holds, and those that grids state themselves."""
-    grids, cards, joined = deck.grids, deck.take("SPC", "SPC1"), deck.take("SPCADD")
-    holding = _holding(deck, cards, joined)
+    grids, cards = deck.grids, deck.take("SPC", "SPC1")
+    holding = _holding(deck, "SPC", cards)
     rows: dict[tuple[Where, tuple[int, ...]], list[int]] = {}
+    single: dict[tuple[int, ...], Where] = {}  # of SPC, of which pre-processors write one a grid
     for card in cards:
         if card.integer(0, "SID") not in holding:
             deck.notes.add(card, "set_not_selected", card.name)
@@ -141,7 +162,7 @@ def read_supports(deck: BdfDeck) -> list[Support]:
             for at in (1, 4):
                 if at == 1 or card.text(at):
                     row, dofs = grids.row(card, at, "G"), card.dofs(at + 1, "C", "0")
-                    rows.setdefault((card.where, dofs), []).append(row)
+                    rows.setdefault((single.setdefault(dofs, card.where), dofs), []).append(row)
         else:
             rows.setdefault((card.where, card.dofs(1, "C", "0")), []).extend(
                 listed(card, 2, grids, "G")
@@ -172,17 +193,44 @@ def _by_frame(
         yield Support(np.array(plain, dtype=np.int64), dofs, where)
 
 
-def _holding(deck: BdfDeck, cards: list[Card], joining: list[Card]) -> set[int]:
-    """Numbers of the sets that hold, with those that an SPCADD joins."""
-    case, notes = deck.case, deck.notes
+def read_equations(deck: BdfDeck) -> Iterator[Equation]:
+    """MPC of the set that holds; those between scalar points too are noted."""
+    grids, cards = deck.grids, deck.take("MPC")
+    holding = _holding(deck, "MPC", cards)
+    for card in cards:
+        if card.integer(0, "SID") not in holding:
+            deck.notes.add(card, "set_not_selected", card.name)
+            continue
+        at = [start for start in range(1, len(card), 8) if card.text(start)]
+        terms = [
+            _term(grids, card, first)
+            for start in at
+            for first in (start, start + 3)
+            if card.text(first)
+        ]
+        if not terms or not terms[0].factor:
+            raise card.wrong(3, "A1", "a coefficient that is not zero, of the dof that depends")
+        yield Equation(card.where, terms)
+
+
+def _term(grids: Grids, card: Card, at: int) -> Term:
+    dofs = card.dofs(at + 1, "C")
+    if len(dofs) != 1:
+        raise card.wrong(at + 1, "C", "one component of 1 … 6")
+    return Term(grids.row(card, at, "G"), dofs[0], card.real(at + 2, "A"))
+
+
+def _holding(deck: BdfDeck, order: str, cards: list[Card]) -> set[int]:
+    """Numbers of the sets that hold, with those that an SPCADD or MPCADD joins."""
+    case, notes, joining = deck.case, deck.notes, deck.take(f"{order}ADD")
     joined: dict[int, list[Card]] = defaultdict(list)
     for card in joining:
         joined[card.integer(0, "SID")].append(card)
     stated = {card.integer(0, "SID") for card in cards}
-    for value, where in case.others.get("SPC", ()):
-        known = case.selected.get("SPC", "none")
-        notes.add(where, "spc_of_subcase", selected=known, other=value)
-    selected = case.number("SPC")
+    for value, where in case.others.get(order, ()):
+        known = case.selected.get(order, "none")
+        notes.add(where, "set_of_subcase", order, selected=known, other=value)
+    selected = case.number(order)
     if selected is None:
         if case.is_stated or not stated:
             return set()
@@ -192,11 +240,11 @@ def _holding(deck: BdfDeck, cards: list[Card], joining: list[Card]) -> set[int]:
             return stated
         else:
             names = ", ".join(map(str, sorted(stated)))
-            notes.add(cards[0], "spc_not_selected", sets=names)
+            notes.add(cards[0], "sets_not_selected", order, sets=names)
             return stated
     by = {whole(text) or 0: card for card in joined[selected] for _, text in card.words(1)}
     holding = set(by) or {selected}
     for missing in sorted(holding - stated):
         who = f"{by[missing].title} joins" if by else "the case control selects"
-        notes.add(by.get(missing, Where(1)), "spc_missing", who=who, missing=missing)
+        notes.add(by.get(missing, Where(1)), "set_missing", order, who=who, missing=missing)
     return holding

@@ -6,6 +6,7 @@ from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.model import Material, ReadReport
 
 _COUPLING = 1e-6  # of G11 and G22, below which a MAT2 has its axes along its symmetry
+_CONSISTENT = 0.01  # of G by E/2(1 + ν), up to which Nastran is silent
 
 FIELDS = {
     "MAT1": {"E": 1, "G": 2, "nu": 3, "density": 4},
@@ -54,8 +55,10 @@ class BdfMaterials:
         return Material(str(card.integer(0, "MID")), constants, card.where, places)
 
 
-def _isotropic(card: Card, _: ReadReport) -> dict[str, float]:
-    """E, G and ν: two are given, and the third follows from E = 2 G (1 + ν)."""
+def _isotropic(card: Card, notes: ReadReport) -> dict[str, float]:
+    """E, G and ν: two are given, and the third follows from E = 2 G (1 + ν). Of three that differ
+    shells take E and ν, and G across; bars E and G.
+    """
     given = {name: card.text(index) != "" for name, index in (("E", 1), ("G", 2), ("nu", 3))}
     if not given["E"] and not given["G"]:
         raise card.wrong(1, "E", "two of E, G and NU")
@@ -71,6 +74,10 @@ def _isotropic(card: Card, _: ReadReport) -> dict[str, float]:
         E = 2 * G * (1 + nu)
     if not -1 < nu < 1:
         raise card.wrong(3, "NU", f"a Poisson's ratio between −1 and 1; here it is {nu:g}")
+    if sum(given.values()) == 1:
+        notes.add(card, "mat1_one_constant")
+    elif abs(2 * G * (1 + nu) / E - 1) > _CONSISTENT:
+        notes.add(card, "mat1_inconsistent")
     return {"E": E, "nu": nu, "G": G}
 
 

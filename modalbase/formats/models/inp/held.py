@@ -9,6 +9,7 @@ import scipy
 
 from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.models.check import nearness
+from modalbase.formats.models.equations import Equation, Term
 from modalbase.formats.models.inp.lines import DataLine, InpReport, Keyword, card_names, folded
 from modalbase.formats.models.inp.mesh import InpMesh
 from modalbase.formats.models.inp.orientations import Orientation, Part
@@ -24,7 +25,8 @@ class Constraints:
     """Constraints as they are read.
 
     Attributes:
-        links: nodes that others lead.
+        links: nodes that others lead, but for equations.
+        equations: of two terms and more.
         supports: dofs that an equation of one term holds.
         surfaces: cards *SURFACE with their parts, by scope and folded name.
     """
@@ -32,6 +34,7 @@ class Constraints:
     def __init__(self, mesh: InpMesh, report: InpReport, axes: dict[int, Floats]) -> None:
         self.links: list[Link] = []
         self.supports: list[Support] = []
+        self.equations: list[Equation] = []
         self.surfaces: dict[tuple[str, str], tuple[Keyword, Part]] = {}
         self._mesh, self._report, self._axes = mesh, report, axes
         self._places = np.array(mesh.places).reshape(-1, 3)
@@ -203,31 +206,24 @@ class Constraints:
             self._equation(row, [fields[k : k + 3] for k in range(0, 3 * terms, 3)], part)
 
     def _equation(self, row: DataLine, terms: list[list[str]], part: Part) -> None:
-        """One whose two terms make dofs of nodes at one place equal is a link; one of one term a
-        support.
+        """One of one term is a support. The first term's nodes each have one, with one node of every
+        other term.
         """
         nodes = [part.nodes(term[0], row) for term in terms]
         dofs = [row.whole(term[1], "a dof") - 1 for term in terms]
         factors = [row.number(term[2], "a coefficient") for term in terms]
-        turned = any(node in self._axes for some in nodes for node in some.tolist())
-        if len(terms) == 1 and 0 <= dofs[0] <= 5 and factors[0] and not turned:
-            self.supports.append(Support(nodes[0], (dofs[0],), row.where))
+        if not all(0 <= dof <= 5 for dof in dofs) or any(len(some) > 1 for some in nodes[1:]):
+            self._report.note(row, "equation")
             return
-        if (
-            len(terms) == 2
-            and dofs[0] == dofs[1]
-            and 0 <= dofs[0] <= 5
-            and not turned
-            and factors[0] == -factors[1] != 0
-        ):
-            a, b = nodes
-            if (
-                len(a) == len(b) == 1
-                and np.linalg.norm(self._places[a] - self._places[b]) <= self._near
-            ):
-                self.links.append(Link(int(a[0]), (int(b[0]),), (dofs[0],), row.where))
-                return
-        self._report.note(row, "equation")
+        if not factors[0]:
+            raise row.error("begins with a coefficient of 0, expected that of the dof that depends")
+        for first in nodes[0].tolist():
+            chosen = [first, *(int(some[0]) for some in nodes[1:])]
+            if len(terms) == 1:
+                held = np.array([first])
+                self.supports.append(Support(held, (dofs[0],), row.where, self._axes.get(first)))
+            else:
+                self.equations.append(Equation(row.where, list(map(Term, chosen, dofs, factors))))
 
     def _tie(self, card: Keyword, part: Part) -> None:
         """Nodes of the first surface that lie on nodes of the second depend on them."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalbase.formats.models.check import check, gathered, on_independent_nodes
+from modalbase.formats.models.equations import links_of
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, add_nonstructural_mass
 from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
 from modalbase.formats.models.inp.lines import (
@@ -213,7 +214,8 @@ class _InpReading:
         note_prestress(deck.steps, report)
         self._note_unused()
         used = {name for section in self._sections.by_name.values() for name in section.materials}
-        places, links = np.array(mesh.places).reshape(-1, 3), gathered(constraints.links)
+        places = np.array(mesh.places).reshape(-1, 3)
+        links = gathered([*constraints.links, *links_of(constraints.equations, places, axes)])
         return FiniteElementModel(
             "inp",
             self._title(),

@@ -147,6 +147,21 @@ def test_supports_hold_the_new_nodes_amid_them_and_no_others() -> None:
     assert len(places["point"]) == 1
     inner = (places["sides"][:, 0] < 0.29) & (np.abs(places["sides"][:, 1]) < 1e-9)
     assert not inner.any()  # strips between held edges stay free
+    # a support for each node, as decks state them: between two is held what both hold
+    one_each = {f"held {node}": np.array([node]) for node in across}
+    how: tuple[tuple[str, ...], ...] = (("u", "v", "w"), ("v", "w", "rx"))
+    single = refined(
+        replace(
+            body,
+            mesh=replace(mesh, node_sets=one_each),
+            supports=tuple(map(Support, one_each, how)),
+        )
+    ).body
+    (between,) = single.supports[2:]
+    assert between.how == ("v", "w")
+    assert single.mesh.select(between.where).tolist() == [
+        node for node in held.mesh.node_sets["root"] if node not in across
+    ]
     links = tuple(Link(int(node), (int(both[-1]),)) for node in across)
     dependent = refined(replace(body, links=links)).body.links
     assert len(dependent) == 3

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.bdf.card import number
 from modalbase.formats.models.model import FiniteElementModel, Where
@@ -404,6 +405,13 @@ def test_springs_between_grids_and_to_the_ground() -> None:
     assert (lifted.dof, lifted.stiffness, lifted.direction, lifted.arms) == (2, 300, None, None)
 
 
+def test_a_bush_weighs_half_at_each_end() -> None:
+    bush = "PBUSH,5,K,100.\n,,M,4.\nPARAM,WTMASS,.5\nCBUSH,21,5,1,{},0.,0.,1.,0\n"
+    model = read(SQUARE + bush.format(3))
+    assert [(one.node, one.mass) for one in model.masses] == [(0, 1), (2, 1)]
+    assert lost(read(SQUARE + bush.format("")))["PBUSH M to the ground"]
+
+
 def test_rigid_elements() -> None:
     far = "GRID,11,,0.,0.,1.\nGRID,12,,0.,1.,1.\nGRID,13,,1.,0.,1.\n"
     model = read(
@@ -417,15 +425,40 @@ def test_rigid_elements() -> None:
     assert (bar.node, bar.leaders, bar.dofs) == (6, (1,), (0, 1, 2, 3, 4, 5))
 
 
+def test_equations_and_rigid_elements_that_say_the_same() -> None:
+    far = SQUARE + "GRID,11,,0.,0.,1.,7\nCORD2R,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
+    body = "MPC,1,11,1,2.,1,1,-2.\n,,1,5,-2.\nMPC,1,11,2,1.,1,2,-1.\n,,1,4,1.\n"
+    for cards in (body, "RBE2,31,1,12,11\n", "RBE1,31,1,123456\n,UM,11,12\n"):
+        (link,) = read(far + cards).links
+        assert (link.node, link.leaders, link.dofs, link.equations) == (4, (0,), (0, 1), None)
+    (link,) = read(far + "RBAR,31,1,11,1234,56\n").links
+    assert (link.node, link.leaders, len(link.dofs)) == (4, (0,), 6)
+    lever, roller = read(far + "MPC,1,11,3,1.,1,2,2.\n,,3,3,.5\nMPC,1,2,2,.5,2,1,-1.\n").links
+    assert (lever.leaders, roller.leaders) == ((0, 2), ())
+    assert lever.equations is not None
+    assert roller.equations is not None
+    assert [(*place,) for place in np.argwhere(lever.equations)] == [(0, 2, 1), (1, 2, 2)]
+    assert [lever.equations[0, 2, 1], lever.equations[1, 2, 2], roller.equations[0, 1, 0]] == [-2, -0.5, 2]  # fmt: skip
+    selected = "CEND\n{}\nBEGIN BULK\n" + far + body + "MPCADD,9,1\nENDDATA"
+    assert len(read(selected.format("MPC = 9")).links) == 1
+    assert lost(read(selected.format("METHOD = 1"))) == {"MPC of another set": False}
+    with pytest.raises(FormatError, match="line 12: begins with a dof that another equation"):
+        read(far + "MPC,1,11,3,1.,1,3,-1.\nMPC,1,11,3,1.,2,3,-1.\n")
+    with pytest.raises(FormatError, match="holds node 11 in what the equation of line 11 has"):
+        read(far + "MPC,1,11,3,1.,1,2,-1.\nSPC1,1,3,11\n")
+
+
 def test_what_is_lost_is_named_and_stops_where_modes_change() -> None:
     harmless = "CAERO1,1\nSPLINE1,2\nFLFACT,3\nPLOAD4,1,1,5.\nEIGRL,1\nCVISC,5,1,1,2\nPARAM,K6ROT,100.\nSUPORT,1,123456\n"
     assert set(lost(read(SQUARE + harmless)).values()) == {False}
-    changing = (
-        "MPC,1,2,3,1.\nCGAP,9\nCFAST,8\nMATT1,1\nCSHEAR,7\nASET1,3,1\nPARAM,K6ROT,1.+5\nNEWCARD,1\n"
-    )
+    changing = "RSPLINE,1,2,3\nCGAP,9\nCFAST,8\nMATT1,1\nCSHEAR,7\nASET1,3,1\nPARAM,K6ROT,1.+5\nNEWCARD,1\n"
     assert set(lost(read(SQUARE + changing)).values()) == {True}
+    stiffened = "CEND\nSUBCASE 2\nMETHOD = 1\nSTATSUB(PRELOAD) = 1\nBEGIN BULK\n"
+    (note,) = [one for one in read(stiffened + SQUARE + "ENDDATA\n").ignored if one.changes]
+    assert (note.card, note.lines) == ("STATSUB", (4,))
+    assert lost(read(SQUARE.replace(",,.3,", ",,,")))["MAT1 with E or G alone"]
     unselected = read("CEND\nMETHOD=1\nBEGIN BULK\n" + SQUARE + "MPC,1,2,3,1.\nENDDATA")
-    assert "MPC" not in lost(unselected)
+    assert lost(unselected) == {"MPC of another set": False}
     (note,) = read(SQUARE + "NEWCARD,1\nNEWCARD,2\n").ignored
     assert (note.card, note.lines) == ("NEWCARD", (8, 9))
     integers = read(SQUARE.replace(",.01,", ",1,"))

@@ -277,12 +277,18 @@ def test_rigid_bodies_and_equal_dofs() -> None:
     assert links == [
         (0, (7,), (0, 1, 2, 3, 4, 5)),
         (3, (7,), (0, 1, 2, 3, 4, 5)),
-        (6, (0,), (0, 1)),
         (2, (7,), (0, 1, 2)),
+        (6, (0,), (0, 1)),
+        (1, (2,), (0,)),
     ]
+    assert all(link.equations is None for link in model.links)
+    assert not model.ignored
+    sets = "*EQUATION\n2\nLEFT, 1, 1., LEFT, 2, -1.\n*EQUATION\n1\nLEFT, 3, 1.\n"
+    model = read(PLATE.replace("*STEP", f"*NSET, NSET=LEFT\n1, 4\n{sets}*STEP", 1))
+    assert [(s.nodes.tolist(), s.dofs) for s in model.supports] == [([0], (2,)), ([3], (2,))]
     (ignored,) = model.ignored
     assert ignored.changes
-    assert (ignored.card, ignored.loss[:30]) == ("*EQUATION", "an equation between dofs, othe")
+    assert (ignored.card, ignored.loss[:30]) == ("*EQUATION", "an equation between sets of se")
 
 
 def test_steps_before_that_of_the_modes() -> None:
