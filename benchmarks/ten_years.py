@@ -20,6 +20,7 @@ from benchmarks.clock import now
 from benchmarks.made_years import COVARIATES, made_runs, store_runs
 from benchmarks.service import api_of, served
 from benchmarks.tables import Table, load
+from service.app.supervisor import LocalService
 from service.monitoring.scheduler import check
 from service.nouns.monitors.candidates import candidates_of
 from service.nouns.monitors.runs import newest_series
@@ -60,7 +61,13 @@ def ten_years(runs: int = 87_600, asked: int = 20) -> None:
         asked: how often each address is asked.
     """
     print(f"{runs:,} runs of one structure, {load()}")
-    with served(worker=False) as service, api_of(service) as api:
+    with served(worker=False) as service:
+        watched(service, runs, asked)
+
+
+def watched(service: LocalService, runs: int, asked: int) -> None:
+    """The same of a service without a worker."""
+    with api_of(service) as api:
         project = posted(api, "projects", {"name": "ten years"})["id"]
         structure = posted(api, f"projects/{project}/structures", {"name": "footbridge"})["id"]
         few = {"baseline": {"campaigns": min(100, runs // 2)}, "horizon": min(1000, runs)}

@@ -2,8 +2,9 @@
 demands.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
+from uuid import uuid4
 
 import httpx
 import nanoarrow as na
@@ -16,14 +17,26 @@ from service.app.supervisor import LocalService
 from service.platform.db.engine import psycopg_url
 from tests.support.furnished import frfs
 from tests.support.laboratory import BEAM
-from tests.support.rest import ok
+from tests.support.rest import client_of, ok
 
 CAMPAIGN = {"boundary": "free", "temperature_c": 20.0}
 
 
 @pytest.fixture
-def labelled(api: httpx.Client, project: str, service: LocalService) -> dict[str, str]:
+def labelled(api: httpx.Client, service: LocalService) -> dict[str, str]:
     """Campaigns with labels, one of them with FRFs and a result that have some too."""
+    return made_labelled(api, service)
+
+
+@pytest.fixture(scope="module")
+def asked(service: LocalService) -> Iterator[tuple[httpx.Client, dict[str, str]]]:
+    """The same for those who only ask, and a client of their owner."""
+    with client_of(service, f"labels {uuid4()}") as client:
+        yield client, made_labelled(client, service)
+
+
+def made_labelled(api: httpx.Client, service: LocalService) -> dict[str, str]:
+    project = ok(api.post("projects", json={"name": "tests"}), 201)["id"]
     ids = {"project": project}
     made = ok(
         api.post(
@@ -79,7 +92,10 @@ QUESTIONS = [
 ]
 
 
-def test_a_filter_asks_for_tags_and_metadata(api: httpx.Client, labelled: dict[str, str]) -> None:
+def test_a_filter_asks_for_tags_and_metadata(
+    asked: tuple[httpx.Client, dict[str, str]],
+) -> None:
+    api, labelled = asked
     for condition, matches in QUESTIONS:
         query = {
             "filter": f"({condition}) AND project.id = '{labelled['project']}'",
@@ -110,7 +126,10 @@ def test_what_a_filter_cannot_ask_is_refused(api: httpx.Client) -> None:
     assert "has no order" in answer.json()["errors"][0]["detail"]
 
 
-def test_labels_are_columns_of_every_format(api: httpx.Client, labelled: dict[str, str]) -> None:
+def test_labels_are_columns_of_every_format(
+    asked: tuple[httpx.Client, dict[str, str]],
+) -> None:
+    api, labelled = asked
     fields = "name,tag,meta.client,meta.wind"
     query = {
         "filter": f"structure.id = '{labelled['structure']}'",
@@ -158,7 +177,10 @@ def test_frfs_and_results_take_labels(
     assert stale.status_code == 412
 
 
-def test_labels_that_cannot_be_are_refused(api: httpx.Client, labelled: dict[str, str]) -> None:
+def test_labels_that_cannot_be_are_refused(
+    asked: tuple[httpx.Client, dict[str, str]],
+) -> None:
+    api, labelled = asked
     path = f"structures/{labelled['structure']}/campaigns"
     bodies: list[dict[str, Any]] = [
         {"tags": ["a", "a"]},
@@ -252,9 +274,9 @@ def test_a_schema_that_cannot_be_is_refused(api: httpx.Client, project: str) -> 
 
 
 def test_others_learn_nothing_of_labels(
-    labelled: dict[str, str], new_client: Callable[[], httpx.Client]
+    asked: tuple[httpx.Client, dict[str, str]], new_client: Callable[[], httpx.Client]
 ) -> None:
-    stranger = new_client()
+    (_, labelled), stranger = asked, new_client()
     for condition in (
         "tag = 'winter'",
         "NOT tag = 'x'",

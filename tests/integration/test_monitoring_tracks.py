@@ -12,7 +12,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from benchmarks.made_years import COVARIATES, made_runs, store_runs
-from benchmarks.ten_years import judge_all, ten_years
+from benchmarks.ten_years import judge_all, watched
+from service.app.supervisor import LocalService
 from service.nouns.campaigns.operations import Campaign
 from service.nouns.monitors import followed
 from service.nouns.monitors.operations import create_monitor
@@ -77,7 +78,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(followed, "STATES_APART", 7)
 
 
-@pytest.mark.parametrize(("seed", "count"), [(1, 50), long(2, 90)])
+@pytest.mark.parametrize(("seed", "count"), [(1, 32), long(2, 90)])
 @pytest.mark.usefixtures("short")
 def test_any_order_gives_what_all_at_once_gives(
     sessions: Sessions, seed: int, count: int, monkeypatch: pytest.MonkeyPatch
@@ -156,9 +157,11 @@ def test_a_long_series_is_followed_in_parts_and_shown_thinned(sessions: Sessions
         assert len(session.scalars(kept).all()) == RUNS // 7 + 1
 
 
-def test_the_benchmark_of_years_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_benchmark_of_years_runs(
+    idle: LocalService, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A short form of it, whose numbers nobody looks at."""
-    ten_years(30, 1)
+    watched(idle, 30, 1)
     printed = capsys.readouterr().out
     assert "one more run judged" in printed
     assert "the structure's page" in printed

@@ -56,12 +56,13 @@ def place(idle: LocalService) -> Iterator[Place]:
 
 def creating(document: dict[str, Any]) -> list[str]:
     """The operations that create: each POST that is answered 201, or 202 while a job does the
-    work.
+    work; and whatever else takes a key.
     """
     return [
         name
         for name, operation in operations(document).items()
-        if name.startswith("POST") and operation["responses"].keys() & {"201", "202"}
+        if (name.startswith("POST") and operation["responses"].keys() & {"201", "202"})
+        or "Idempotency-Key" in str(operation.get("parameters"))
     ]
 
 

@@ -15,7 +15,6 @@ from uuid import uuid4
 import httpx
 import psycopg
 import pytest
-from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import modalbase
@@ -25,6 +24,7 @@ from service.nouns.updates.document import VERSION
 from service.platform.db.engine import psycopg_url
 from tests.support.command import modalbase_here
 from tests.support.laboratory import BEAM
+from tests.support.lengths import STRANGE, fuzz, long
 from tests.support.rest import client_of, ok, session_client
 
 YEARS, MONTHS = 2, 24
@@ -324,25 +324,24 @@ def newcomer(new_client: Callable[[], httpx.Client]) -> httpx.Client:
     return new_client()
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    noun=st.sampled_from(["results", "modes"]),
-    value=st.one_of(
-        st.sampled_from(["Ex", "frequency_hz", "damping_ratio", "flange.E1"]), st.text(max_size=20)
-    ),
-    covariates=st.one_of(
-        st.sampled_from(["", "temperature_c,humidity_percent", "humidity_percent"]),
-        st.text(max_size=20),
-    ),
-    suffix=st.sampled_from(["", "/figure"]),
-)
-def test_no_trend_is_an_error_of_the_service(
-    newcomer: httpx.Client, noun: str, value: str, covariates: str, suffix: str
-) -> None:
-    answer = newcomer.get(
-        f"search/{noun}/trend{suffix}", params={"value": value, "covariates": covariates}
+@pytest.mark.parametrize("examples", [25, long(250)])
+def test_no_trend_is_an_error_of_the_service(newcomer: httpx.Client, examples: int) -> None:
+    values = ["Ex", "frequency_hz", "damping_ratio", "flange.E1"]
+    covariates = ["", "temperature_c,humidity_percent", "humidity_percent"]
+    text = st.text(STRANGE, max_size=20)
+    asked = st.fixed_dictionaries(
+        {
+            "value": st.one_of(st.sampled_from(values), text),
+            "covariates": st.one_of(st.sampled_from(covariates), text),
+        }
     )
-    assert answer.status_code in (200, 422), answer.text
+    paths = [f"search/{n}/trend{end}" for n in ("results", "modes") for end in ("", "/figure")]
+
+    def ask(of: tuple[str, dict[str, str]]) -> None:
+        answer = newcomer.get(of[0], params=of[1])
+        assert answer.status_code in (200, 422), answer.text
+
+    fuzz(examples, st.tuples(st.sampled_from(paths), asked), ask)
 
 
 def test_unusual_modes_are_followed(api: httpx.Client, project: str) -> None:

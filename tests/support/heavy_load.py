@@ -23,7 +23,6 @@ from tests.support.rest import ONCE, RAW, campaigns_of, client_of, posted
 from tests.support.waiting import completed
 
 SHARES = {"list": 0.8, "FRF": 0.12, "upload": 0.06, "job": 0.02}
-ALONE = 100  # lists of one client alone
 SEED = 14  # of who asks what when
 FILE = paper.uff_file()
 
@@ -53,6 +52,7 @@ def load(
     streams: int = 400,
     keys: int = 50,
     pause: float = 10.0,
+    alone: int = 100,
 ) -> Load:
     """Put a service under load.
 
@@ -63,10 +63,11 @@ def load(
         streams: of events that are open meanwhile.
         keys: among which clients and streams are shared out.
         pause: seconds between two requests of a client, on average.
+        alone: lists of one client alone, before.
     """
     found = Load()
     crowd = _Crowd(service, [_furnished(service, number) for number in range(keys)], found, pause)
-    completed(crowd.run(clients, streams, seconds, SEED))
+    completed(crowd.run(clients, streams, seconds, alone))
     return found
 
 
@@ -131,14 +132,14 @@ class _Crowd:
         self.over = asyncio.Event()
         self.open = 0
 
-    async def run(self, clients: int, streams: int, seconds: float, seed: int) -> None:
+    async def run(self, clients: int, streams: int, seconds: float, alone: int) -> None:
         """One client alone, then all at once. No connection is used twice: the service may close an
         idle one at that moment.
         """
         async with httpx.AsyncClient(
             base_url=self.url, limits=ONCE, timeout=600, trust_env=False
         ) as self.http:
-            for _ in range(ALONE):
+            for _ in range(alone):
                 await self._ask("list", self.places[0], self.load.alone)
             self.load.memory[0] = self.api.memory_info().rss
             watching = [
@@ -148,7 +149,7 @@ class _Crowd:
             while self.open < streams and not any(task.done() for task in watching):
                 await asyncio.sleep(0.05)
             self.load.streams = self.open
-            asking = [asyncio.create_task(self._client(n, seed)) for n in range(clients)]
+            asking = [asyncio.create_task(self._client(n)) for n in range(clients)]
             asking.append(asyncio.create_task(self._health()))
             await asyncio.sleep(seconds)
             self.over.set()
@@ -170,8 +171,8 @@ class _Crowd:
         seconds.append(time.perf_counter() - began)
         return answer
 
-    async def _client(self, number: int, seed: int) -> None:
-        choose, place = random.Random(f"{seed} {number}"), self.places[number % len(self.places)]
+    async def _client(self, number: int) -> None:
+        choose, place = random.Random(f"{SEED} {number}"), self.places[number % len(self.places)]
         (kind,) = choose.choices(list(SHARES), list(SHARES.values()))
         try:
             while not await self._rested(choose.expovariate(1 / self.pause)):

@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis.strategies import SearchStrategy
 
 T = TypeVar("T")
+STRANGE = "aE1 _.,;:%'\"\\()[]<>=+-*/\x00\n\u202eäµ中😀"
+"""Characters of texts that nobody meant; hypothesis takes seconds to list all that there are."""
 
 
 def long(*values: Any) -> ParameterSet:

@@ -306,7 +306,7 @@ FILES: dict[str, Body] = {
             "point": To(2, status=422),
             "direction": To(2, status=422),
             "hit": 2,
-            "good": False,
+            "good": To(False, beside={"hit": 3}),
             "why": "a cable",
         },
         {"point": 1, "hit": 1, "good": True, "why": "w"},

@@ -280,7 +280,7 @@ RESULTS: dict[str, Body] = {
         {"state": "cleared", "monitor": "{second_monitor_id}", "project": "{second_project_id}"}
     ),
     "POST /alarms/{alarm_id}/acknowledge": Body(
-        {"note": "n {n}", "together": True},
+        {"note": To("n {n}", "note"), "together": True},
         {"note": "first"},
         fresh=lambda lab: {"alarm_id": lab.alarm()},
     ),

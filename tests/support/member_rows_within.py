@@ -205,7 +205,7 @@ WITHIN: dict[str, dict[str, Any]] = {
         "references.direction": To(1, "spectra", _REFERENCE, ids=_WINDY),
     },
     "POST /structures/{structure_id}/forecasts": _rows(
-        "points", {"label": 77, "x_m": 0.06, "y_m": 0.015}, "points", {"points": _POINTS}
+        "points", {"label": 77, "x_m": 0.06, "y_m": 0.015}, beside={"points": _POINTS}
     ),
     "POST /campaigns/{campaign_id}/update-jobs": {
         **_rows("processing", _ANEW),
@@ -213,11 +213,9 @@ WITHIN: dict[str, dict[str, Any]] = {
         "hold_out.band_hz": held([50, 100], "frac"),
     },
     "POST /structures/{structure_id}/plans": {
-        **_rows(
-            "tests", _PLANNED | {"sensor": 1, "structure_id": "{second_structure_id}"}, "items"
-        ),
-        **_rows("tests.added_masses", {"x_m": 0.2, "mass_kg": 0.02}, "items", _WEIGHED),
-        **_rows("coupons", {"constants": ["Ey"], "pieces": 10, "scatter": 0.1}, "items", _COUPONS),
+        **_rows("tests", _PLANNED | {"sensor": 1, "structure_id": "{second_structure_id}"}),
+        **_rows("tests.added_masses", {"x_m": 0.2, "mass_kg": 0.02}, beside=_WEIGHED),
+        **_rows("coupons", {"constants": ["Ey"], "pieces": 10, "scatter": 0.1}, beside=_COUPONS),
         "coupons.sets": Refused(["web"], _COUPONS),
     },
     "POST /structures/{structure_id}/monitors": {

@@ -11,7 +11,6 @@ that mean the same everywhere, such as `limit` or `If-Match`, have their effect 
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -184,7 +183,7 @@ class Trial:
 
     def __init__(self, lab: Lab, operation: str, kind: str, asked: Body, *, whole: bool) -> None:
         self.lab, self.kind, self.asked, self._asked = lab, kind, asked, dict[str, Any]()
-        self.whole = whole
+        self.whole, self._got = whole, dict[str, httpx.Response]()
         self.method, self.path = operation.split()
 
     def ids(self, more: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -225,7 +224,12 @@ class Trial:
         of_all = path.startswith(("users", "laboratory"))
         client = self.lab.chief if of_all else self.lab.api
         client.cookies.clear()  # of a session that was begun
-        return client.request(self.method, path, **how)
+        if self.method != "GET":
+            return client.request(self.method, path, **how)
+        key = repr((path, how))
+        if key not in self._got:
+            self._got[key] = client.get(path, **how)
+        return self._got[key]
 
     def waits(self, row: To | Refused) -> bool:
         """Whether a row is judged by what a job has made."""
@@ -257,12 +261,13 @@ class Trial:
                 ] = row.value
         key = repr((query, body, headers, row.ids, self.waits(row)))
         if key not in self._asked:
-            self._asked[key] = self._answer(query, body, headers, row)
+            self._asked[key] = self._answer(query, body, headers, row, self.ids(row.ids))
         found: tuple[int, Any] = self._asked[key]
         return found
 
-    def _answer(self, query: Node, body: Any, headers: Node, row: To | Refused) -> tuple[int, Any]:
-        ids = self.ids(row.ids)
+    def _answer(
+        self, query: Node, body: Any, headers: Node, row: To | Refused, ids: Node
+    ) -> tuple[int, Any]:
         if self.method == "PATCH" and not body:
             return 200, content_of(self.lab.api.get(self.lab.filled(self.path, ids).lstrip("/")))
         answer = self.send(query, body, headers, ids)
@@ -282,6 +287,41 @@ class Trial:
             self.lab.filled(self.asked.then, {**ids, "id": state.get("id", "")})
         )
         return answer.status_code, {"state": state, "later": content_of(later)}
+
+    def shows(self, row: To) -> bool:
+        """Whether a member's effect is that the answer has it."""
+        stated = row.waits == "long" and not self.whole
+        return (
+            self.kind == JSON
+            and isinstance(self.asked.body, dict)
+            and (row.at is None or stated)
+            and not (row.status or row.without or row.drop)
+            and not any(name.startswith("?") for name in row.beside)
+        )
+
+    def shown_together(self, rows: Mapping[str, To]) -> set[str]:
+        """Names of members that the answer shows as they are stated where all of them are sent at
+        once, and does not show without them. Each of the others is to be tried alone.
+        """
+        first = next(iter(rows.values()))
+        ids, own = self.ids(first.ids), {name: name.rsplit(".", 1)[-1] for name in rows}
+        values = {name: self.lab.filled(row.value, ids) for name, row in rows.items()}
+        _, plain = self.ask("", "", first, with_it=False)
+        body = first.beside.get("*", {**self.asked.body, **first.beside})
+        for name, value in values.items():
+            body = placed(body, name.removeprefix("body.").split("."), value)
+        status, content = self._answer({}, body, {}, first, ids)
+        if status >= 300:
+            refused = " ".join(one["pointer"] for one in content.get("errors", []))
+            left = {name: row for name, row in rows.items() if own[name] not in refused}
+            return self.shown_together(left) if 1 < len(left) < len(rows) else set()
+        return {
+            name
+            for name, value in values.items()
+            if [*own.values()].count(own[name]) == 1  # by which it is told from the others
+            and any(holds(one, value) for one in shown(content, own[name]))
+            and not any(holds(one, value) for one in shown(plain, own[name]))
+        }
 
     def check(self, place: str, name: str, row: To | Refused) -> str | None:
         """What is wrong with a member; nothing where it has its effect."""
@@ -323,6 +363,15 @@ class Trial:
             if values != others
             else f"{at or 'the answer'} is the same with it: {str(values)[:400]}"
         )
+
+
+def holds(found: Any, stated: Any) -> bool:
+    """Whether what is shown has everything that was stated; defaults may stand beside it."""
+    if isinstance(found, dict) and isinstance(stated, dict):
+        return all(name in found and holds(found[name], one) for name, one in stated.items())
+    if isinstance(found, list) and isinstance(stated, list):
+        return len(found) == len(stated) and all(map(holds, found, stated))
+    return bool(found == stated)
 
 
 def content_of(answer: httpx.Response) -> Any:
@@ -382,7 +431,7 @@ def _deleted(trial: Trial) -> str | None:
 
 
 def _theme(trial: Trial) -> str | None:
-    light, dark = (trial.send({"theme": one}) for one in ("light", "dark"))
+    light, dark = (trial.send(theme) for theme in ({}, {"theme": "dark"}))
     return (
         None
         if light.is_success and dark.is_success and light.text != dark.text
@@ -401,37 +450,9 @@ def _if_match(trial: Trial) -> str | None:
     return None if status == 412 else f"an older version is {status}, expected 412"
 
 
-def _idempotency_key(trial: Trial) -> str | None:
-    key, ids = {"Idempotency-Key": f"key {next(_NUMBERS)}"}, trial.ids()
-    body = (
-        trial.asked.body
-        if isinstance(trial.asked.body, bytes)
-        else trial.lab.filled(trial.asked.body, ids)
-    )
-    answers = [trial.send({}, body, one, ids) for one in (key, key, {})]
-    if any(one.is_error for one in answers[:2]):
-        return (
-            f"{[one.status_code for one in answers]} {answers[0].text[:200]}"
-            f" {answers[1].text[:200]}"
-        )
-    made = [
-        one.status_code if one.is_error else shown(one.json(), "id") or one.content
-        for one in answers
-    ]
-    if made[0] == made[1] != made[2]:
-        return None
-    # What the same bytes or the same act give anyway: there the key shows in that another request
-    # with it is refused.
-    other = trial.ids() if trial.asked.fresh else {}
-    other = {
-        name: other.get(name) or trial.lab.ids.get(f"second_{name}", "")
-        for name in re.findall(r"{(\w+)}", trial.path)
-    }
-    status, content = (answer := trial.send({}, body, key, other)).status_code, answer.text
-    good = made[0] == made[1] and status == 422 and "Idempotency-Key" in content
-    return (
-        None if good else f"made {made}; another request with the key is {status} {content[:200]}"
-    )
+def _idempotency_key(_: Trial) -> str | None:
+    """Every operation that has it is tried in `tests/integration/test_once.py`."""
+    return None
 
 
 ALIKE: dict[str, Callable[[Trial], str | None]] = {
@@ -449,6 +470,8 @@ def _formats(trial: Trial, stated: Node) -> str | None:
     """Whether each format gives another answer."""
     schema = stated["schema"]
     names = next(one["enum"] for one in (schema, *schema.get("anyOf", [])) if "enum" in one)
+    if "svg" in names:  # figures are drawn alike: `tests/integration/test_figures.py`
+        names = ["plotly", "svg"]
     answers = {name: trial.send({"format": name}) for name in names}
     if wrong := [
         f"{name}: {one.status_code} {one.text[:200]}"
@@ -483,11 +506,22 @@ def faults(
     }
     members = {**members, **of_inner}
     found, trial = [], Trial(lab, operation, kind, asked, whole=whole)
+    groups: dict[str, dict[str, To]] = {}
+    for name, row in asked.members.items():
+        one = row if isinstance(row, To | Refused | tuple) else To(row)
+        place = members.get(name, {}).get("in")
+        if place in ("body", "within") and isinstance(one, To) and trial.shows(one):
+            group = groups.setdefault(repr((place, one.beside, one.ids, one.waits)), {})
+            group[name] = one
+    together = set[str]()
+    for group in groups.values():
+        if len(group) > 1:
+            together |= trial.shown_together(group)
     for name, stated in members.items():
         row = asked.members.get(name)
         if alike := ALIKE.get(name.lower()):
             found += [f"{name}: {why}"] if (why := alike(trial)) else []
-        if row is None and alike:
+        if name in together or (row is None and alike):
             continue
         if row is None and name == "format":
             why = _formats(trial, stated)
@@ -495,8 +529,8 @@ def faults(
             why = "has no row in tests/support/member_rows_of_*.py"
         else:
             rows = row if isinstance(row, tuple) else (row,)
-            whole = [one if isinstance(one, To | Refused) else To(one) for one in rows]
-            why = "; ".join(filter(None, (trial.check(stated["in"], name, one) for one in whole)))
+            tried = [one if isinstance(one, To | Refused) else To(one) for one in rows]
+            why = "; ".join(filter(None, (trial.check(stated["in"], name, one) for one in tried)))
         found += [f"{name}: {why}"] if why else []
     return found + [
         f"{name}: is no member of the operation" for name in asked.members if name not in members
