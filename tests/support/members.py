@@ -318,7 +318,7 @@ class Trial:
         return {
             name
             for name, value in values.items()
-            if [*own.values()].count(own[name]) == 1  # by which it is told from the others
+            if [*own.values()].count(own[name]) == 1  # no other has it
             and any(holds(one, value) for one in shown(content, own[name]))
             and not any(holds(one, value) for one in shown(plain, own[name]))
         }

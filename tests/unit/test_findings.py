@@ -153,12 +153,12 @@ def test_cards_that_lose_the_same_are_noted_once_with_all_their_lines() -> None:
     report = ReadReport()
     for line in (3, 8):
         report.add(Where(line), "param")
-    report.add(Where(5), "released_end", "CBAR")
+    report.add(Where(5), "mass_off_axis", "CBAR")
     assert report.skipped == (
-        skipped_card("released_end", "CBAR", [5]),
+        skipped_card("mass_off_axis", "CBAR", [5]),
         skipped_card("param", "", [3, 8]),
     )
-    assert report.skipped[0].card == "CBAR PA, PB"
+    assert report.skipped[0].card == "PBEAM M1, M2"
 
 
 def test_an_frf_that_is_not_used_is_named_with_its_reason_and_folded_by_it() -> None:
