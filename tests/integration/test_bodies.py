@@ -117,7 +117,6 @@ def get_shown(api: httpx.Client, address: str) -> None:
     assert {each.number: each.xyz_m[0] for each in at_points if isinstance(each, GridPoint)} == {
         point["label"]: point["x_m"] for point in shown["points"]
     }
-    assert b"measured mode 1, expanded" in api.get(f"{base}/mesh", params={"format": "vtu"}).content
     report = api.get(f"{base}/report").text
     assert "400 × 60 × 80 mm (length × width × height), 1850 kg/m³" in report
     assert "angle: flange 4 mm, web 4 mm" in report
@@ -202,7 +201,8 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(
     )
     batch = of_web(api, structure)
     assert ok(api.get(f"coupon-batches/{batch}"), 200)["sets"] == ["web"]
-    recipe = {"prior_from_coupon_batch": batch, **FEW_MODES}
+    low = {"identification": {"band_hz": [5, 250]}}
+    recipe = {"prior_from_coupon_batch": batch, **FEW_MODES, **low}
     sensor = {"sensor_mass_kg": 0.002, "sensor_point": 2}
     _, result = updated(api, structure, measured(), "free", recipe, instruments=sensor)
     constants = {row["name"]: row for row in result["parameters"]}
@@ -348,30 +348,31 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(
         assert item["information_nats"] == pytest.approx(
             np.log(plan["known_sd"]["web.E2"] / item["expected_sd"]["web.E2"]), rel=0.1
         )
+    low = {**plain, "highest_hz": 200}
     for wrong, pointer, words in (
-        ({"about": "rib.E1"}, "/about", "flange.E1"),
+        ({"about": "rib.E1", "tests": [low]}, "/about", "flange.E1"),
         (
             {"coupons": [{"constants": ["Ey"], "sets": ["rib"]}]},
             "/coupons/0/sets",
             "name rib; the sets of this body: flange",
         ),
         (
-            {"tests": [{**plain, "points_m": [[0.1, 0.2, 0.3]]}]},
+            {"tests": [{**low, "points_m": [[0.1, 0.2, 0.3]]}]},
             "/tests/0/points_m/0",
             "off the specimen",
         ),
         (
-            {"tests": [{**plain, "added_masses": [{"x_m": 9, "y_m": 0, "mass_kg": 1}]}]},
+            {"tests": [{**low, "added_masses": [{"x_m": 9, "y_m": 0, "mass_kg": 1}]}]},
             "/tests/0/added_masses",
             "off the",
         ),
         (
-            {"tests": [{**plain, "highest_hz": 1}]},
+            {"tests": [{**low, "highest_hz": 1}]},
             "/tests/0/highest_hz",
             "is 1 Hz, below the first mode",
         ),
         (
-            {"tests": [{**plain, "damping_ratio": 1e-300}]},
+            {"tests": [{**low, "damping_ratio": 1e-300}]},
             "/tests/0/damping_ratio",
             "expected at least 1e-6",
         ),

@@ -1,27 +1,24 @@
 """Figures of an update: what they draw is what the result says, in every format; where there is
 nothing to draw they say why.
 
-One job, the demonstration's, is shared by all.
+One job, the demonstration's, is shared by all (`demo`).
 """
 
 import io
 import json
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 from urllib.parse import unquote
 from uuid import uuid4
 
-import httpx
 import numpy as np
 import psycopg
 import pytest
 
-from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
-from tests.support.rest import client_at, finished, ok, plain_client, result_of, session_client
+from tests.support.laboratory import Done
+from tests.support.rest import finished, ok, plain_client, result_of, session_client
 
 BEGINNINGS = {"plotly": b'{"data":', "svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
 EXACT = dict.fromkeys((
@@ -33,36 +30,6 @@ alone.
 """
 
 FIGURE = 'width="672"'  # of a figure on the page of a report, pixels
-
-
-@dataclass(frozen=True)
-class Done:
-    """A job that has a result."""
-
-    api: httpx.Client
-    result: dict[str, Any]
-
-    @property
-    def path(self) -> str:
-        return f"update-jobs/{self.result['provenance']['update_job']}"
-
-    def address(self, item: dict[str, Any]) -> httpx.URL:
-        """Of a figure in a list, from the service's root."""
-        return self.api.base_url.join(item["href"])
-
-    def figure(self, name: str, **query: Any) -> dict[str, Any]:
-        return ok(self.api.get(f"{self.path}/figures/{name}", params=query), 200)
-
-
-@pytest.fixture(scope="module")
-def demo(service: LocalService) -> Iterator[Done]:
-    key = service.new_key(f"figures {uuid4()}")
-    headers = {"Authorization": f"Bearer {key}"}
-    with (
-        httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False) as client,
-        client_at(service.url, key) as api,
-    ):
-        yield Done(api, Laboratory(client).update_beam())
 
 
 def traces(figure: dict[str, Any], name: str) -> list[dict[str, Any]]:

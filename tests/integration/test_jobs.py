@@ -8,7 +8,6 @@ from pathlib import Path
 from uuid import UUID
 
 import psutil
-import pytest
 from sqlalchemy import delete, func, select, text, update
 
 from service.platform.access.tables import Project
@@ -62,31 +61,29 @@ def test_progress_is_seen_while_it_runs(works: Works) -> None:
     assert items(sessions, job_id)[:4] == [0, 10, 20, 30]
 
 
-@pytest.mark.parametrize(
-    ("kind", "reason", "says"),
-    [
-        ("hungry", "memory", "more memory than a job may take"),
-        ("overdue", "time", "longer than the 0.5 s"),
-        ("crashing", "crash", "SIGSEGV"),
-        ("refusing", "refused", "geometry.length_m: is 0, expected more"),
-        ("diverging", "refused", "the fit has run away"),  # its details have NaN and Infinity
-        ("buggy", "internal", "internal error (KeyError)"),
-        ("bad load", "internal", "internal error (LookupError)"),
-        ("bad store", "internal", "internal error (ZeroDivisionError)"),
-    ],
-)
-def test_fails_alone_with_the_reason(worked: Sessions, kind: str, reason: str, says: str) -> None:
-    job = run(worked, kind)
-    assert job.state == "failed"
-    assert job.error["reason"] == reason
-    assert says in job.error["detail"] == job.message
-    assert items(worked, job.id) == []
-    assert run(worked, "echo").state == "succeeded"  # the worker goes on
+FAILS = [
+    ("hungry", "memory", "more memory than a job may take"),
+    ("overdue", "time", "longer than the 0.5 s"),
+    ("crashing", "crash", "SIGSEGV"),
+    ("refusing", "refused", "geometry.length_m: is 0, expected more"),
+    ("diverging", "refused", "the fit has run away"),  # its details have NaN and Infinity
+    ("buggy", "internal", "internal error (KeyError)"),
+    ("bad load", "internal", "internal error (LookupError)"),
+    ("bad store", "internal", "internal error (ZeroDivisionError)"),
+]
 
 
-def test_refusal_names_the_field(worked: Sessions) -> None:
-    job = run(worked, "refusing")
-    assert job.error == {
+def test_each_fails_alone_with_the_reason(worked: Sessions) -> None:
+    begun = {kind: put(worked, kind)[0] for kind, *_ in FAILS}
+    (after,) = put(worked, "echo")
+    for kind, reason, says in FAILS:
+        job = wait(worked, begun[kind])
+        assert (job.state, job.error["reason"]) == ("failed", reason), kind
+        assert says in job.error["detail"] == job.message
+        assert items(worked, job.id) == []
+    assert wait(worked, after).state == "succeeded"  # the worker goes on
+    refused = look(worked, begun["refusing"])
+    assert refused.error == {
         "reason": "refused",
         "type": "InputError",
         "detail": "geometry.length_m: is 0, expected more",
@@ -148,18 +145,14 @@ def test_superseded_attempt_stores_nothing(works: Works) -> None:
 def test_a_worker_that_shall_end_finishes_what_runs_or_puts_it_back(
     sessions: Sessions, database: str, gate: Gate
 ) -> None:
-    first, second = put(sessions, "slow", 2)
-    with worker(database, gate) as process:
-        held(sessions, first)
+    first, second, third = put(sessions, "slow", 3)
+    with worker(database, gate, worker_concurrency=2, job_drain_seconds=3.0) as process:
+        held(sessions, first), held(sessions, second)
         process.send_signal(signal.SIGTERM)
-        gate.open(first, 10, 20)
+        gate.open(first, 10, 20)  # which is nothing, beside what the worker waits for
         assert process.wait(PATIENCE) == 0
     assert look(sessions, first).state == "succeeded"
-    assert look(sessions, second).state == "queued"
-    with worker(database, gate, job_drain_seconds=0.1) as process:
-        held(sessions, second)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(PATIENCE) == 0
+    assert (look(sessions, third).state, look(sessions, third).attempt) == ("queued", 0)
     job = look(sessions, second)
     assert (job.state, job.attempt, job.losses) == ("queued", 1, 0)
     with sessions.begin() as session:
@@ -171,7 +164,7 @@ def test_two_workers_share_without_doing_anything_twice(works: Works) -> None:
     with worker(works.url, works.gate):
         with busy(works):  # one of them, so that the other has come when the next is done
             assert run(works.sessions, "echo").state == "succeeded"
-        jobs = [wait(works.sessions, job_id) for job_id in put(works.sessions, "echo", 20)]
+        jobs = [wait(works.sessions, job_id) for job_id in put(works.sessions, "echo", 8)]
     assert {(job.state, job.attempt) for job in jobs} == {("succeeded", 1)}
     assert all(len(items(works.sessions, job.id)) == 2 for job in jobs)
 
@@ -181,7 +174,7 @@ def test_the_next_job_begins_when_one_ends(database: str) -> None:
     engine = make_engine(database)
     with worker(database, work="work_that_hears_alone"):
         sessions = make_sessions(engine)
-        jobs = [wait(sessions, job_id) for job_id in put(sessions, "echo", 4)]
+        jobs = [wait(sessions, job_id) for job_id in put(sessions, "echo", 3)]
     engine.dispose()
     assert {job.state for job in jobs} == {"succeeded"}
 

@@ -170,7 +170,7 @@ def lab(service: LocalService, client: httpx.Client) -> Lab:
     return lab
 
 
-def test_a_campaign_without_frfs_is_refused_and_run_when_they_come(
+def test_a_campaign_without_frfs_is_run_when_they_come_and_an_earlier_one_put_before_it(
     lab: Lab, service: LocalService
 ) -> None:
     campaign = lab.empty(5)
@@ -184,6 +184,13 @@ def test_a_campaign_without_frfs_is_refused_and_run_when_they_come(
     series = lab.until(lambda s: campaign in points(s))
     assert outcome(series, campaign)["revision"] == 2
     assert any(f"campaign {campaign} was run again" in note for note in series["notes"])
+    early = lab.campaign(4, seed=10)
+    series = lab.judged([*lab.baseline, early, campaign])
+    assert (
+        f"put into time order: {early} came after later campaigns; the states were judged anew"
+        in series["notes"]
+    )
+    delete(lab, early)
     delete(lab, campaign)
 
 
@@ -193,17 +200,6 @@ def test_another_boundary_is_refused(lab: Lab) -> None:
     assert run["state"] == "refused"
     assert "held 'free'; this monitor compares campaigns held 'cantilever'" in run["message"]
     delete(lab, campaign)
-
-
-def test_late_campaigns_reorder_the_series_and_it_says_so(lab: Lab) -> None:
-    late, early = lab.campaign(20, seed=20), lab.campaign(10, seed=10)
-    series = lab.judged([*lab.baseline, early, late])
-    assert (
-        f"put into time order: {early} came after later campaigns; the states were judged anew"
-        in series["notes"]
-    )
-    delete(lab, early)
-    delete(lab, late)
 
 
 def test_the_same_measurement_counts_once(lab: Lab) -> None:
@@ -244,97 +240,27 @@ def test_corrections_are_judged_and_deletions_leave(lab: Lab) -> None:
     (mark,) = [a for a in series["alarms"] if a["campaign_id"] == campaign]
     assert mark["state"] == "withdrawn"
     ok(lab.api.post(f"campaigns/{campaign}/restore"))
-    lab.judged([*lab.baseline, campaign])
     instruments = {"sensor_mass_kg": 1e-6, "sensor_point": 9}
     change(lab.api, f"campaigns/{campaign}", {"instruments": instruments})
-    series = lab.until(
+    again = (2, "succeeded")
+    lab.until(
         lambda s: (
-            outcome(s, campaign)["revision"] == 2 and outcome(s, campaign)["state"] == "succeeded"
+            campaign in points(s)
+            and (outcome(s, campaign)["revision"], outcome(s, campaign)["state"]) == again
         )
     )
     delete(lab, campaign)
-    lab.judged(lab.baseline)
 
 
-def test_a_changed_structure_ends_the_series(service: LocalService, client: httpx.Client) -> None:
-    lab = Lab(service, client)
-    first = lab.campaign(0)
-    lab.judged([first])
-    change(client, f"structures/{lab.structure}", {"density_kg_m3": 2000.0})
-    second = lab.campaign(1)
-    series = lab.series()
-    assert (
-        "is now in version 2, this monitor's series is of version 1"
-        in outcome(series, second)["message"]
-    )
-    assert outcome(series, first)["state"] == "succeeded"
-    assert order(series) == [first]
-
-
-def test_a_rerun_makes_a_version_and_leaves_the_old_one(
+def test_runs_by_hand_a_rerun_priors_that_follow_and_a_changed_structure(
     client: httpx.Client, service: LocalService
 ) -> None:
-    lab = Lab(service, client)
-    campaign = lab.campaign(0)
-    old = lab.judged([campaign])
-    with worker_stopped(service):
-        answer = client.post(
-            f"monitors/{lab.monitor}/runs", json={"rerun": True, "reason": "new software"}
-        )
-        (run,) = ok(answer, 202)["items"]
-        assert (run["series"], run["revision"], run["campaign_id"]) == (2, 1, campaign)
-        assert lab.series()["series"] == 1  # until the new one is judged
-    new = lab.until(lambda s: s["series"] == 2)
-    assert [v["reason"] for v in new["versions"]] == ["first series", "new software"]
-    kept = lab.series(series=1)
-    assert {**kept, "versions": [], "current": True} == {**old, "versions": []}
-    assert new["parameters"] == old["parameters"]
-    ok(client.get(f"monitors/{lab.monitor}/series", params={"series": 3}), 404)
-    of_first = ok(client.get(f"monitors/{lab.monitor}/runs", params={"series": 1}))["items"]
-    assert [one["series"] for one in of_first] == [1]
-
-
-def test_priors_follow_the_last_estimate_in_time_order(
-    service: LocalService, client: httpx.Client
-) -> None:
-    lab = Lab(service, client, priors="last")
-    made = [lab.campaign(0), lab.campaign(1)]
-    series = lab.judged(made)
-    recipes = [
-        ok(client.get(f"update-jobs/{outcome(series, c)['update_job_id']}"))["recipe"] for c in made
-    ]
-    first, second = ({p["name"]: p for p in recipe["parameters"]} for recipe in recipes)
-    assert first["Ex"]["prior_mean"] is None
-    assert second["Ex"]["prior_mean"] == points(series)[made[0]]["raw"]
-    assert second["Ex"]["prior_sd"] == pytest.approx(0.3 * 33.0e9)  # as wide as ever
-    assert second["Gxy"]["tied_to"] == "Ex"
-
-
-def test_modes_that_were_typed_in(service: LocalService, client: httpx.Client) -> None:
-    lab = Lab(
-        service,
-        client,
-        modes="given",
-        parameters=[{"name": "Ex"}, {"name": "frequency_1"}, {"name": "damping_ratio_1"}],
-    )
-    campaign = lab.campaign(0)
-    assert "no mode set that was typed in" in outcome(lab.series(), campaign)["message"]
-    # of the beam: others are explained at length
-    modes = [{"frequency_hz": f, "damping_ratio": 0.02} for f in (26.16, 163.23, 453.81)]
-    ok(
-        client.post(f"campaigns/{campaign}/mode-sets", json={"name": "by hand", "modes": modes}),
-        201,
-    )
-    series = lab.judged([campaign])
-    assert [p["points"][0]["raw"] for p in series["parameters"][1:]] == [26.16, 0.02]
-
-
-def test_a_monitor_by_hand_and_one_on_a_schedule(
-    client: httpx.Client, service: LocalService
-) -> None:
-    lab = Lab(service, client, runs_on="hand")
+    """A rerun leaves the old version; priors follow the last estimate in time order; a changed
+    structure ends the series.
+    """
+    lab = Lab(service, client, runs_on="hand", priors="last")
     scheduled = lab.watch(runs_on="schedule", schedule="0 3 * * 1")
-    campaign = lab.campaign(0)
+    path, first = f"monitors/{lab.monitor}/runs", lab.campaign(0)
     for monitor in (lab.monitor, scheduled):
         look_after(service, monitor)
     assert lab.runs() == []
@@ -342,16 +268,54 @@ def test_a_monitor_by_hand_and_one_on_a_schedule(
     at = datetime.fromisoformat(shown["next_run_at"])
     assert (at.weekday(), at.hour, at.minute) == (0, 3, 0)
     assert datetime.now(UTC) < at <= datetime.now(UTC) + timedelta(days=7)
-    (run,) = ok(client.post(f"monitors/{lab.monitor}/runs", json={}), 202)["items"]
-    assert (run["state"], run["campaign_id"]) == ("running", campaign)
-    lab.judged([campaign])
+    (run,) = ok(client.post(path, json={}), 202)["items"]
+    assert (run["state"], run["campaign_id"]) == ("running", first)
+    old = lab.judged([first])
+
+    with worker_stopped(service):
+        answer = client.post(path, json={"rerun": True, "reason": "new software"})
+        (run,) = ok(answer, 202)["items"]
+        assert (run["series"], run["revision"], run["campaign_id"]) == (2, 1, first)
+        assert lab.series()["series"] == 1  # until the new one is judged
+    new = lab.until(lambda s: s["series"] == 2)
+    assert [v["reason"] for v in new["versions"]] == ["first series", "new software"]
+    kept = lab.series(series=1)
+    assert {**kept, "versions": [], "current": True} == {**old, "versions": []}
+    assert new["parameters"] == old["parameters"]
+    ok(client.get(f"monitors/{lab.monitor}/series", params={"series": 3}), 404)
+    of_first = ok(client.get(path, params={"series": 1}))["items"]
+    assert [one["series"] for one in of_first] == [1]
+
+    made = [first, lab.campaign(1)]
+    ok(client.post(path, json={}), 202)
+    series = lab.judged(made)
+    before, after = (
+        {p["name"]: p for p in ok(client.get(f"update-jobs/{job}"))["recipe"]["parameters"]}
+        for job in (outcome(series, one)["update_job_id"] for one in made)
+    )
+    assert before["Ex"]["prior_mean"] is None
+    assert after["Ex"]["prior_mean"] == points(series)[first]["raw"]
+    assert after["Ex"]["prior_sd"] == pytest.approx(0.3 * 33.0e9)  # as wide as ever
+    assert after["Gxy"]["tied_to"] == "Ex"
+
+    change(client, f"structures/{lab.structure}", {"density_kg_m3": 2000.0})
+    late = lab.campaign(2)
+    ok(client.post(path, json={}), 202)
+    series = lab.series()
+    assert (
+        "is now in version 2, this monitor's series is of version 1"
+        in outcome(series, late)["message"]
+    )
+    assert outcome(series, first)["state"] == "succeeded"
+    assert order(series) == made
 
 
-def test_a_deleted_monitor_is_gone_until_it_is_restored(
+def test_a_deleted_monitor_is_gone_until_it_is_restored_and_follows_modes_that_were_typed_in(
     service: LocalService, client: httpx.Client
 ) -> None:
     lab = Lab(service, client, runs_on="hand")
-    working = lab.watch(name="works")
+    watched = [{"name": "Ex"}, {"name": "frequency_1"}, {"name": "damping_ratio_1"}]
+    working = lab.watch(name="works", modes="given", parameters=watched)
     path = f"monitors/{working}"
     ok(client.post(f"{path}/restore"), 409)
     etag = client.get(path).headers["ETag"]
@@ -379,7 +343,14 @@ def test_a_deleted_monitor_is_gone_until_it_is_restored(
     shown = ok(client.post(f"{path}/restore"))
     assert (shown["deleted_at"], shown["name"]) == (None, "works")
     lab.monitor = working
-    lab.judged([between])
+    series = lab.until(lambda s: outcome(s, between))
+    assert "no mode set that was typed in" in outcome(series, between)["message"]
+    # of the beam: others are explained at length
+    modes = [{"frequency_hz": f, "damping_ratio": 0.02} for f in (26.16, 163.23, 453.81)]
+    typed = {"name": "by hand", "modes": modes}
+    ok(client.post(f"campaigns/{between}/mode-sets", json=typed), 201)
+    series = lab.judged([between])
+    assert [p["points"][0]["raw"] for p in series["parameters"][1:]] == [26.16, 0.02]
     acts = [
         e["action"] for e in ok(client.get("audit-events"))["items"] if e["subject_id"] == working
     ]

@@ -159,7 +159,7 @@ def test_files_go_and_what_was_made_of_them_stays(api: httpx.Client, quick: Loca
         headers=RAW,
     )
     assert ok(again, 200)["id"] == trashed["id"]
-    anew = other.recording(3)
+    anew = other.recording(3, processed=False)
     assert (other.status(anew), lab.status(trashed)) == (200, 410)
     answer = api.delete(f"imports/{old['id']}")
     assert answer.status_code in (204, 409)

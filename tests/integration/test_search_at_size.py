@@ -1,4 +1,4 @@
-"""The questions of `docs/search.md` at some 10⁵ rows: an index answers each, and one that takes too
+"""The questions of `docs/search.md` at tens of thousands of rows: an index answers each, and one that takes too
 long is ended in words.
 """
 
@@ -18,7 +18,7 @@ from service.platform.errors import Invalid
 
 assert composition.ROUTERS  # so that every table is known
 
-BIG = {"frfs": 120_000, "modes": 100_000, "update_results": 60_000}
+BIG = {"frfs": 60_000, "modes": 50_000, "update_results": 30_000}
 """Tables that are not read whole, with their rows."""
 
 
@@ -39,7 +39,7 @@ def user(engine: Engine, sessions: Sessions) -> User:
             values,
         )
         rows = filling(
-            project, 200, 0.995, campaigns=20, frfs=30, modes=25, results=15, spectrum="''"
+            project, 100, 0.995, campaigns=20, frfs=30, modes=25, results=15, spectrum="''"
         )
         for statement in rows:
             session.connection().connection.driver_connection.execute(statement)  # type: ignore[union-attr]

@@ -3,6 +3,7 @@ values are named.
 """
 
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -10,9 +11,9 @@ import httpx
 import numpy as np
 import pytest
 
-from examples.monitoring import State, measured_frfs, send_measurement, structure_body
 from modalbase.formats.registry import FORMATS, JSON
 from tests.support.furnished import frfs, record
+from tests.support.laboratory import Done
 from tests.support.member_lab import (
     FRFS_CSV,
     FRFS_MAT,
@@ -21,9 +22,8 @@ from tests.support.member_lab import (
     MAPPING,
     OF_CSV,
     OF_MAT,
-    RECIPE,
 )
-from tests.support.rest import RAW, finished, ok, pointers, posted
+from tests.support.rest import RAW, finished, ok, pointers
 
 NPZ = {"Content-Type": "application/x-npz"}
 CSV = {"Content-Type": "text/csv"}
@@ -166,18 +166,14 @@ def test_a_deleted_import_takes_its_hits_and_its_bytes_with_it(
     assert ok(api.get(f"projects/{project}/storage"))["used_bytes"] == 0
 
 
-def test_an_import_that_an_update_rests_on_stays(api: httpx.Client, project: str) -> None:
-    structure = posted(api, f"projects/{project}/structures", structure_body())["id"]
-    campaign = posted(
-        api, f"structures/{structure}/campaigns", {"name": "c", "boundary": "cantilever"}
-    )["id"]
-    send_measurement(api, campaign, measured_frfs(State(), 0))
-    (read,) = ok(api.get(f"campaigns/{campaign}/imports"))["items"]
-    job = posted(api, f"campaigns/{campaign}/update-jobs", RECIPE)["id"]
-    assert finished(api, f"update-jobs/{job}")["status"] == "succeeded"
-    problem = ok(api.delete(f"imports/{read['id']}"), 409)
-    assert f"update {job} of the campaign may rest on what the import brought" in problem["detail"]
-    assert len(ok(api.get(f"campaigns/{campaign}/frfs"))["items"]) == 9
+def test_an_import_that_an_update_rests_on_stays(demo: Done) -> None:
+    campaign = demo.result["provenance"]["campaign"]
+    (read,) = ok(demo.api.get(f"campaigns/{campaign}/imports"))["items"]
+    problem = ok(demo.api.delete(f"imports/{read['id']}"), 409)
+    assert re.search(
+        r"update \S+ of the campaign may rest on what the import brought", problem["detail"]
+    )
+    assert ok(demo.api.get(f"imports/{read['id']}"))["deleted_at"] is None
 
 
 @pytest.mark.parametrize("text", ['"x"', "[1]", "null", "3", "{"])

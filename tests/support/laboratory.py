@@ -1,15 +1,18 @@
 """What the tests of the measurement database start from: a project, a beam, a campaign; waiting for
-an import.
+an import; a result to look at.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
+from uuid import uuid4
 
 import httpx
 import psycopg
 import pytest
 from psycopg.rows import dict_row
 
+from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
 from service.platform.db.engine import psycopg_url
 from tests.support import rest
@@ -29,6 +32,41 @@ BEAM: dict[str, Any] = {
     "density_kg_m3": 2012.0,
     "material": MATERIAL,
 }
+
+
+@dataclass(frozen=True)
+class Done:
+    """A job that has a result."""
+
+    api: httpx.Client
+    result: dict[str, Any]
+
+    @property
+    def job(self) -> str:
+        return str(self.result["provenance"]["update_job"])
+
+    @property
+    def path(self) -> str:
+        return f"update-jobs/{self.job}"
+
+    def address(self, item: dict[str, Any]) -> httpx.URL:
+        """Of a figure in a list, from the service's root."""
+        return self.api.base_url.join(item["href"])
+
+    def figure(self, name: str, **query: Any) -> dict[str, Any]:
+        return ok(self.api.get(f"{self.path}/figures/{name}", params=query), 200)
+
+
+@pytest.fixture(scope="session")
+def demo(service: LocalService) -> Iterator[Done]:
+    """The demonstration's update, for all who leave it as it is."""
+    key = service.new_key(f"demo {uuid4()}")
+    headers = {"Authorization": f"Bearer {key}"}
+    with (
+        httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False) as client,
+        rest.client_at(service.url, key) as api,
+    ):
+        yield Done(api, Laboratory(client).update_beam())
 
 
 @pytest.fixture

@@ -255,6 +255,10 @@ def test_a_report_of_little_and_of_much() -> None:
     section = dict(much["facts"]["rows"])["Section"]
     assert section.startswith("laminate of 17 plies [45/45/")
     assert section.endswith("/…]")
+    sets = [{"name": name, "thickness_m": 0.004} for name in ("flange", "web")]
+    of_deck = a_report(1, {"model": {"filename": "angle.zip", "sets": sets}}, verdict=verdict)
+    section = dict(of_deck["facts"]["rows"])["Section"]
+    assert section == "model angle.zip: flange 4 mm, web 4 mm"
 
 
 def test_a_report_has_laboratory_and_photographs_of_any_kind() -> None:
