@@ -173,7 +173,7 @@ def test_an_import_that_an_update_rests_on_stays(demo: Done) -> None:
     assert re.search(
         r"update \S+ of the campaign may rest on what the import brought", problem["detail"]
     )
-    assert ok(demo.api.get(f"imports/{read['id']}"))["deleted_at"] is None
+    assert ok(demo.api.get(f"campaigns/{campaign}/frfs"))["items"]
 
 
 @pytest.mark.parametrize("text", ['"x"', "[1]", "null", "3", "{"])
