@@ -185,10 +185,22 @@ def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
     last alone.
     """
     campaigns = ok(api.get(f"structures/{bridge}/campaigns", params={"limit": 100}), 200)["items"]
+    batches = [campaigns, campaigns[-1:]]
+    jobs = [
+        (month, job)
+        for batch in batches
+        for month, job in enumerate(
+            ok(
+                api.post("update-jobs", json={"jobs": [{"campaign_id": c["id"]} for c in batch]}),
+                202,
+            )["items"],
+            MONTHS - len(batch),
+        )
+    ]
+    for _, job in jobs:
+        api.post(f"update-jobs/{job['id']}/cancel")
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
-        for month, campaign in [*enumerate(campaigns), (MONTHS - 1, campaigns[-1])]:
-            job = ok(api.post(f"campaigns/{campaign['id']}/update-jobs", json={}), 202)["id"]
-            ok(api.post(f"update-jobs/{job}/cancel"))
+        for month, job in jobs:
             row = parameter("flange.E1", 30e9 * factor(month))
             document = {
                 "version": VERSION,
@@ -203,8 +215,8 @@ def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
                 }
             }
             values = [
-                job,
-                campaign["id"],
+                job["id"],
+                campaigns[month]["id"],
                 json.dumps(document),
                 json.dumps(constants),
                 33e9,

@@ -472,7 +472,8 @@ def _formats(trial: Trial, stated: Node) -> str | None:
     names = next(one["enum"] for one in (schema, *schema.get("anyOf", [])) if "enum" in one)
     if "svg" in names:  # figures are drawn alike: `tests/integration/test_figures.py`
         names = ["plotly", "svg"]
-    answers = {name: trial.send({"format": name}) for name in names}
+    usual = schema.get("default")
+    answers = {name: trial.send({} if name == usual else {"format": name}) for name in names}
     if wrong := [
         f"{name}: {one.status_code} {one.text[:200]}"
         for name, one in answers.items()
