@@ -489,15 +489,15 @@ def clusters(linear: LinearPoles) -> ComplexArray:
         close = np.abs(pole[shift:] - pole[:-shift]) < np.minimum(reach[shift:], reach[:-shift])
         near[most + shift, :-shift], near[most - shift, shift:] = close, close
     count, free = near.sum(axis=0), np.ones(pole.size, dtype=bool)
-    out = []
+    parts, out = np.stack([pole.real, pole.imag], axis=1), []
     for k in np.argsort(-count, kind="stable"):
         if count[k] < _TIMES:
             break
         if free[k]:
             members = k + np.flatnonzero(near[:, k]) - most
             free[members] = False
-            out.append(np.median(pole[members].real) + 1j * np.median(pole[members].imag))
-    return np.array(out, dtype=complex)
+            out.append(np.median(parts[members], axis=0))
+    return np.array(out).reshape(-1, 2).view(np.complex128)[:, 0]
 
 
 def _in_windows(

@@ -37,11 +37,11 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.modal.arrangement import MANY, Arrangement
-from fecore.modal.series import PRICE, free_slopes, slope_parts
+from fecore.modal.series import PRICE
 
 if TYPE_CHECKING:
     from fecore.modal.judge import Growth
-    from fecore.modal.refine import LinearFit, PoleFit
+    from fecore.modal.refine import PoleFit
 
 SHIFT = 4.0
 """Half bandwidths by which a pole is off over the relative error that all FRFs share."""
@@ -84,7 +84,7 @@ def error_model(
     """What is known of the errors of a fit: from its residual, its tests, what all FRFs share, the
     change under other weights, and what harder hits change.
     """
-    information = information_of_tests(arrangement, fit)
+    information = _by_test(arrangement, fit.shares)
     whole = np.maximum(information.sum(axis=0), np.finfo(float).tiny)
     return ErrorModel(
         memory=fit.residual_memory,
@@ -127,19 +127,6 @@ def widened(
     return np.asarray(inverse * np.outer(factor, factor))
 
 
-def information_of_tests(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
-    """(S, parameters) the information of each test alone on ln ω and ζ of each pole."""
-    every = np.arange(fit.terms.pairs)
-    omega, root = arrangement.omega, fit.weights.root
-    steep = free_slopes(omega, fit.terms, arrangement.power, fit.linear, root)
-    one, two = steep[:, 0::2], steep[:, 1::2]
-    squares = np.abs(one) ** 2, np.abs(two) ** 2, 2 * (one.conj() * two).real
-    aa, bb, ab = ((fit.weight @ square)[:, None] for square in squares)
-    a, b = np.moveaxis(slope_parts(fit.terms, fit.residues, every), 3, 0)
-    each = (a**2 * aa + b**2 * bb + a * b * ab).reshape(len(a), -1)
-    return _by_test(arrangement, each)
-
-
 def _by_test(arrangement: Arrangement, each: FloatArray) -> FloatArray:
     """(S, ...) sums over the FRFs of each test."""
     out = np.zeros((arrangement.sessions, each.shape[1]))
@@ -156,7 +143,7 @@ def mean_over_tests(
     Args:
         arrangement: the FRFs.
         fit: their fit.
-        information: of each test (`information_of_tests`).
+        information: (S, parameters) of each test alone on ln ω and ζ of each pole.
     """
     count, n = arrangement.sessions, fit.terms.pairs
     if count < MANY or len({pair[0] for pair in arrangement.pairs}) < count:

@@ -211,9 +211,9 @@ def identify(
     rather_not = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
     rather_not &= verdict.probability < 0.5
     shared = shared_error(arrangement, fit)
-    # what poles that are rather no modes take up, and the background, is error too
-    others = shared_error(arrangement, fit.without(arrangement, rather_not))
-    shared[~rather_not] = np.maximum(shared[~rather_not], others)
+    if rather_not.any() or not free.all():  # what these take up, and the background, is error too
+        others = shared_error(arrangement, fit.without(arrangement, rather_not))
+        shared[~rather_not] = np.maximum(shared[~rather_not], others)
     change = np.concatenate(
         [
             np.log(fit.terms.frequency_hz / start.frequency_hz),

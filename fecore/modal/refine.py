@@ -170,9 +170,10 @@ def linear_fit(
     """
     weights = weights or Weights.of(variance, arrangement.measured)
     basis = columns(arrangement.omega, terms, arrangement.power) if basis is None else basis
-    values = arrangement.values - background
+    values = arrangement.values - background if np.any(background) else arrangement.values
     linear = solved(basis, values, weights)
-    residual = values - expanded(linear.coefficients, basis)
+    residual = expanded(linear.coefficients, basis)
+    np.subtract(values, residual, out=residual)
     residual[~arrangement.measured] = 0
     square = residual.real**2 + residual.imag**2
     return LinearFit(
@@ -208,17 +209,16 @@ def local_variance(
             where few values are missing.
     """
     values, measured = arrangement.values, arrangement.measured
+    size, square = (each.real**2 + each.imag**2 for each in (values, residual))
+    least = _relative(square, size, one_minus_leverage) * size
     square = scipy.ndimage.uniform_filter1d(
-        np.where(measured, np.abs(residual) ** 2, 0.0), _LOCAL, axis=1, mode="nearest"
+        np.where(measured, square, 0.0), _LOCAL, axis=1, mode="nearest"
     )
     count = scipy.ndimage.uniform_filter1d(
         measured * one_minus_leverage, _LOCAL, axis=1, mode="nearest"
     )
     variance = np.maximum(np.where(measured, noise, 0.0), square / np.maximum(count, 1 / _LOCAL))
-    variance = np.maximum(
-        variance, _relative(residual, values, one_minus_leverage) * np.abs(values) ** 2
-    )
-    variance = np.maximum(variance, np.finfo(float).tiny)
+    variance = np.maximum(variance, np.maximum(least, np.finfo(float).tiny))
     if not alike or measured.mean(axis=1).min() < WHOLE:
         return np.asarray(variance)
     log = np.log(variance)
@@ -229,24 +229,21 @@ def local_variance(
 
 
 def _relative(
-    residual: ComplexArray, values: ComplexArray, one_minus_leverage: FloatArray | float
+    square: FloatArray, size: FloatArray, one_minus_leverage: FloatArray | float
 ) -> float:
-    """ε², the usual |residual|² over |H|² of the largest twentieth of the values, at most 0.05²."""
-    size = np.abs(values) ** 2
+    """ε², the usual |residual|² over |H|² of the largest twentieth of these, at most 0.05²."""
     large = size >= np.quantile(size, _LARGE)
-    share = np.abs(residual[large]) ** 2 / np.maximum(
-        (size * one_minus_leverage)[large], np.finfo(float).tiny
-    )
+    share = square[large] / np.maximum((size * one_minus_leverage)[large], np.finfo(float).tiny)
     return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
 
 
 def reweighted_fit(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> LinearFit:
     """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
-    missed_by, basis = arrangement.values, columns(arrangement.omega, terms, arrangement.power)
+    missed_by, basis = arrangement.values, None
     for _ in range(1 + PASSES):
         variance = local_variance(arrangement, missed_by, noise)
         fit = linear_fit(arrangement, terms, variance, basis=basis)
-        missed_by = fit.residual
+        missed_by, basis = fit.residual, fit.linear.basis
     return fit
 
 
@@ -277,6 +274,7 @@ class PoleFit(LinearFit):
     inside: FloatArray
     free: IntArray  # (m,) numbers of the poles that are refined, whose f and ζ are the parameters
     scores: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
+    shares: FloatArray  # (N, parameters) what each FRF adds to the diagonal of H
     errors: ErrorModel | None = None  # what is known of them, beside their variance
 
     def with_errors(self, errors: ErrorModel) -> PoleFit:
@@ -461,25 +459,32 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
     over = (linear.turn @ onto).T
     n, inside = free.size, onto[None]
     if weights.share is None:
-        r, steep = len(onto), steep - expanded(over, linear.basis).T
-        gram = normal_columns(np.concatenate([linear.frame, steep], axis=1), weights.each, r)
+        r = len(onto)
+        steep -= expanded(over, linear.basis).T
+        gram = normal_columns(np.concatenate([linear.frame.T, steep.T]).T, weights.each, r)
         framed = np.matmul(linear.root, gram[:, :r])
         products = gram[:, r:] - np.matmul(framed.transpose(0, 2, 1), framed)
         inside = inside + np.matmul(linear.root.transpose(0, 2, 1), framed)
-        half = np.einsum("nkalb,nqlb->nkaql", products.reshape(len(turn), n, 2, n, 2), turn)
+        products = products.reshape(len(turn), n, 2, n, 2)
+        half = np.einsum("nkalb,nqlb->nkaql", products, turn)
         information = np.einsum("npka,nkaql->pkql", turn, half)
+        shares = np.einsum("npka,nkab,npkb->npk", turn, np.einsum("nkakb->nkab", products), turn)
         score = real_part(weights.each * level.residual, steep.T)
     else:
-        own = (own.T - over @ linear.scaled.T).T
+        rows = own.T
+        rows -= over @ linear.scaled.T
         flat = turn.reshape(len(turn), -1)
         pairs = (flat.T @ (weights.share[:, None] * flat)).reshape(2, n, 2, 2, n, 2)
         products = (own.T @ own).reshape(n, 2, n, 2)
         information = np.einsum("pkaqlb,kalb->pkql", pairs, products)
+        shares = np.einsum("npka,kab,npkb->npk", turn, np.einsum("kakb->kab", products), turn)
+        shares *= weights.share[:, None, None]
         for row, lines in weights.gaps:
             frame = at_lines(linear.scaled, lines) @ linear.turn
             lost = missing_slopes(frame, at_lines(own, lines)).reshape(-1, n, 2)
-            lost = np.einsum("gka,pka->gpk", lost, turn[row])
-            information -= weights.share[row] * np.einsum("gpk,gql->pkql", lost, lost)
+            lost = np.sqrt(weights.share[row]) * np.einsum("gka,pka->gpk", lost, turn[row])
+            information -= np.einsum("gpk,gql->pkql", lost, lost)
+            shares[row] -= np.sum(lost**2, axis=0)
         weighted = (weights.share[:, None] * weights.root) * level.residual
         score = weighted.view(np.float64) @ own
     score = score.reshape(len(turn), n, 2)
@@ -490,6 +495,7 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
         inside=np.matmul(linear.turn, inside),
         free=free,
         scores=np.einsum("npka,nka->npk", turn, score).reshape(len(turn), 2 * n),
+        shares=shares.reshape(len(turn), 2 * n),
     )
 
 
@@ -582,7 +588,7 @@ def student(
     and Taylor 1989): a line of interference or an overload counts for little, and does not raise
     the variance of the lines beside it.
     """
-    weight: FloatArray = np.ones(residual.shape)
+    weight, square = np.ones(residual.shape), np.abs(residual) ** 2
     for _ in range(3):  # the weights change little after these
         v = local_variance(
             arrangement,
@@ -591,5 +597,5 @@ def student(
             one_minus_leverage=one_minus_leverage,
             alike=False,
         )
-        weight = (_FREEDOM + 2) / (_FREEDOM + 2 * np.abs(residual) ** 2 / v)
+        weight = (_FREEDOM + 2) / (_FREEDOM + 2 * square / v)
     return np.asarray(v / np.minimum(weight, 1.0))

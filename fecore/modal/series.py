@@ -175,20 +175,12 @@ def derivatives(
     a, b = basis.T[0::2], basis.T[1::2]
     rows = np.empty((basis.shape[1], omega.size), dtype=complex)
     drop = (1j * omega) ** -power
-    np.multiply((a - b) * (a + b), drop / 2, out=rows[0::2])
-    np.multiply(a * b, drop, out=rows[1::2])
+    first, second = rows[0::2], rows[1::2]
+    np.multiply(a - b, a + b, out=first)
+    first *= drop / 2
+    np.multiply(a, b, out=second)
+    second *= drop
     return rows.T
-
-
-def free_slopes(
-    omega: FloatArray, terms: Terms, power: int, linear: Coefficients, root: FloatArray
-) -> ComplexArray:
-    """(L, 2n) the derivative columns less their projection on the frame of a fit, under the square of
-    its weight's root (L,).
-    """
-    steep = derivatives(omega, terms, power, linear.basis[:, : 2 * terms.pairs])
-    onto = linear.turn.T @ real_part(linear.basis.T, (root[:, None] ** 2 * steep).T)
-    return steep - expanded((linear.turn @ onto).T, linear.basis).T
 
 
 def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
@@ -530,7 +522,7 @@ def one_minus_leverage(
     """
     pairs = linear.basis[:, : 2 * terms.pairs]
     steep = derivatives(arrangement.omega, terms, arrangement.power, pairs)
-    both, _ = orthonormal(np.concatenate([linear.basis, steep], axis=1), weights.root)
+    both, _ = orthonormal(np.concatenate([linear.basis.T, steep.T]).T, weights.root)
     own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (linear.frame, both))
     leverage = weights.root**2 * (own + (all_ - own) / len(arrangement.pairs)) / 2
     return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
