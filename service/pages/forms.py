@@ -17,7 +17,7 @@ from service.nouns.instruments.routes import InstrumentIn
 from service.nouns.monitors.schemas import MonitorIn
 from service.nouns.structures.schemas import StructureIn
 from service.nouns.updates.schemas import RecipeIn
-from service.pages.numbers import words
+from service.pages.numbers import minus, words
 from service.pages.quantities import SENT, units_of_field
 from service.platform.web.typed import SHOWN_AS, in_words
 
@@ -265,11 +265,8 @@ def page_words(text: str | None) -> str:
         return match[0].strip("`")
 
     plain = _CALL.sub("this page", _PARENTHESIS.sub("", text or ""))
-    return (
-        _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain))
-        .replace(" ;", ";")
-        .strip()
-    )
+    named = _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain))
+    return minus(named.replace(" ;", ";").strip())
 
 
 def labelled(pointer: str) -> str:

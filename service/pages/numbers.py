@@ -19,6 +19,18 @@ UNITS_OF_MEMBERS = {**ENDINGS, **UNITS}
 """Unit of a member by the end of its name."""
 
 
+_MINUS = re.compile(r"(?<![\w.)-])-(?=\d)")
+
+
+def minus(text: str) -> str:
+    """A text whose negative numbers have the sign that print has.
+
+    >>> minus("-38 % of 2026-11-30, 1e-5")
+    '−38 % of 2026-11-30, 1e-5'
+    """
+    return _MINUS.sub("−", text)
+
+
 def number(value: float | None, digits: int = 4) -> str:
     """A value with so many significant digits, without an exponent where it can be read without
     one.
@@ -29,8 +41,9 @@ def number(value: float | None, digits: int = 4) -> str:
         return "0"
     size = math.floor(math.log10(abs(value)))
     if -4 <= size < 7:
-        return f"{value:.{max(0, digits - 1 - size)}f}"
-    return f"{value:.{digits - 1}e}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
+        return minus(f"{value:.{max(0, digits - 1 - size)}f}")
+    text = f"{value:.{digits - 1}e}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
+    return minus(text)
 
 
 def unit_of(unit: str) -> str:
@@ -54,7 +67,7 @@ def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
     places = 1 - math.floor(math.log10(factor * sd))
     if places > 8 or abs(shown) >= 1e7:
         return number(shown, 6)
-    return f"{shown:.{max(0, places)}f}"
+    return minus(f"{shown:.{max(0, places)}f}")
 
 
 def spread(row: Mapping[str, Any]) -> str:
@@ -80,7 +93,7 @@ def percent(value: float | None, digits: int = 2) -> str:
     if value is None or not math.isfinite(value):
         return NOTHING
     text = f"{value:+.{digits}f}"
-    return text.replace("-", "−") if float(text) else text[1:]  # no sign of nothing
+    return minus(text) if float(text) else text[1:]  # no sign of nothing
 
 
 def in_laboratory_units(text: str) -> str:

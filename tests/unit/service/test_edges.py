@@ -33,7 +33,7 @@ NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
     [
         (number(None), "–"),
         (number(1.23456e9), "1.235e9"),
-        (number(-1.23456e-12), "-1.235e-12"),
+        (number(-1.23456e-12), "−1.235e-12"),
         (in_unit(3e25, "Pa", 1e9), "3.00000e16"),
         (percent(None), "–"),
         (percent(-0.001), "0.00"),
