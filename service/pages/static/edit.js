@@ -31,18 +31,6 @@ const fieldsOf = (form) =>
   );
 const fixedOf = (form) =>
   [...form.elements].filter((input) => input.name && input.type === "hidden"); // what a button means
-function shownIn(input, value) {
-  if ("pairs" in input.dataset)
-    return Object.entries(value)
-      .map(([key, item]) => `${key}: ${lineOf(item)}`)
-      .join("\n");
-  if ("list" in input.dataset) return value.join(", ");
-  if (input.type === "datetime-local") return localTime(value);
-  return Array.isArray(value)
-    ? value.map((one) => inUnit(input, one)).join("; ")
-    : inUnit(input, value);
-}
-const lineOf = (item) => (typeof item === "string" ? item : JSON.stringify(item));
 /* What lines of pairs say: a line that stayed is what it was; of metadata a number is one. */
 function pairsOf(input, before) {
   const said = valueOf(input) ?? {};
@@ -135,7 +123,7 @@ for (const form of document.querySelectorAll("form[data-poles]")) {
     box.addEventListener("change", () => {
       form.hidden = !changed().length;
       box.closest("tr").classList.toggle("edited", box.checked !== box.defaultChecked);
-      const hz = Number(Number(box.dataset.pole).toPrecision(5));
+      const hz = short(Number(box.dataset.pole), 5);
       const then = form.hidden ? "as it was" : `save it as a new mode set, above`;
       say(`${hz} Hz: ${box.checked ? "kept" : "dropped"}; ${then}.`, () => box.click());
     });
@@ -170,7 +158,7 @@ for (const figure of document.querySelectorAll("figure[data-figure$='/figures/st
         const [box] = boxes.sort((a, b) => off(a) - off(b));
         if (!box || off(box) > 1e-3) {
           if (!fit || point.customdata)
-            return say(`No fitted pole lies near ${Number(point.x.toPrecision(5))} Hz.`);
+            return say(`No fitted pole lies near ${short(point.x, 5)} Hz.`);
           const rows = fit.querySelector("[data-rows]");
           if (fit.hidden) for (const pole of JSON.parse(fit.dataset.stated)) addRow(rows, pole);
           addRow(rows, {
@@ -178,7 +166,7 @@ for (const figure of document.querySelectorAll("figure[data-figure$='/figures/st
             damping_ratio: Number.parseFloat(point.text) / 100,
           });
           fit.hidden = false;
-          return say(`${Number(point.x.toPrecision(5))} Hz: to be fitted.`);
+          return say(`${short(point.x, 5)} Hz: to be fitted.`);
         }
         return box.click();
       });

@@ -122,7 +122,7 @@ function stateFacts() {
     for (const [name, value] of Object.entries(facts)) {
       const input = name.includes("/") && form.elements[name];
       if (!input || !value || input.value) continue;
-      fill(input, input.type === "datetime-local" ? localTime(value) : value);
+      fill(input, value);
       input.after(made("small", { className: "stated" }, `from ${facts.name}`));
     }
   for (const { facts } of measuredOnes()) offerPoints(form, facts);
@@ -154,7 +154,7 @@ function offer(input, ways) {
   };
   input.after(made("span", { className: "offer" }, ...ways.map(take)));
 }
-const sixDigits = (value) => Number(value.toPrecision(6));
+const sixDigits = (value) => Number(short(value, 6));
 function offerPoints(form, { name, offers = [], reach_mm: reach }) {
   const { points } = form.elements;
   if (reach) offerSize(form, name, reach);
@@ -213,7 +213,7 @@ for (const name of ["input", "change", "click"])
 async function lookAtAll(files) {
   if (!newForm()) await openNewTest();
   const form = newForm();
-  form.querySelector(".faults").textContent = "";
+  faultsOf(form).textContent = "";
   try {
     for (const file of files) await lookAt(file);
   } catch (problem) {

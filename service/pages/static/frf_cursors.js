@@ -2,7 +2,6 @@
 /* Two cursors on the lines of the first curve: where they stand, what is read there, and how they
    and the modes are drawn. */
 const MOST_NAMED = 12; // curves in a legend and a table
-const short = (value, digits = 7) => String(Number(value.toPrecision(digits)));
 const rounded = (value, digits) =>
   Math.abs(value) >= 10 ** digits && Math.abs(value) < 1e7
     ? value.toFixed(0)
@@ -67,23 +66,14 @@ class FrfCursors {
       `B − A: ${a !== null && b !== null ? hz(b - a) : "–"} Hz`,
       "ζ at A, half power",
     ];
-    const made = (tag, text) => {
-      const cell = document.createElement(tag);
-      cell.textContent = text;
-      if (tag === "td") cell.className = "num";
-      return cell;
+    const row = (curve) => {
+      const [name, ...values] = this.readings(curve, hz);
+      const cells = values.map((text) => made("td", { className: "num" }, text));
+      return made("tr", {}, made("th", {}, name), ...cells);
     };
-    const row = (cells) => {
-      const line = document.createElement("tr");
-      line.append(...cells.map((text, k) => made(k ? "td" : "th", text)));
-      return line;
-    };
-    table.querySelector("thead tr").replaceChildren(...heads.map((text) => made("th", text)));
-    table
-      .querySelector("tbody")
-      .replaceChildren(
-        ...this.view.curves.slice(0, MOST_NAMED).map((curve) => row(this.readings(curve, hz))),
-      );
+    table.querySelector("thead tr").replaceChildren(...heads.map((text) => made("th", {}, text)));
+    const curves = this.view.curves.slice(0, MOST_NAMED);
+    table.querySelector("tbody").replaceChildren(...curves.map(row));
   }
   readings(curve, hz) {
     const [a, b] = this.hz;

@@ -196,12 +196,8 @@ class FrfList {
   }
 }
 const isChosen = ({ line }) => line.ariaSelected === "true";
-function tableLine(texts) {
-  const line = document.createElement("tr");
-  line.ariaSelected = "false";
-  for (const text of texts) line.insertCell().textContent = text;
-  return line;
-}
+const tableLine = (texts) =>
+  made("tr", { ariaSelected: "false" }, ...texts.map((text) => made("td", {}, text)));
 async function fetched(path) {
   const answer = await fetch(rest(path), { headers: { Accept: "application/x-npz" } });
   if (!answer.ok) throw new Error((await answer.json()).detail);

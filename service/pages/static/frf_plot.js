@@ -169,9 +169,7 @@ class FrfPanel {
       low - one.range[0] > 0.3 * wide &&
       one.range[1] - high > 0.3 * wide;
     if (!fits(this.layer) && !fits(this.coming)) {
-      const canvas = document.createElement("canvas");
-      canvas.width = 3 * bbox.width;
-      canvas.height = bbox.height;
+      const canvas = made("canvas", { width: 3 * bbox.width, height: bbox.height });
       this.coming = { canvas, wide, range: [low - wide, high + wide], next: 0 };
     }
     if (this.coming) this.work();
@@ -268,9 +266,8 @@ function trail({ x, y, hz }, pen, across, up, [low, high]) {
 /* The panels as they are seen, as one picture. */
 function pictureOf(panels, ground) {
   const sheets = panels.map((panel) => panel.plot.ctx.canvas);
-  const canvas = document.createElement("canvas");
-  canvas.width = sheets[0].width;
-  canvas.height = sheets.reduce((all, sheet) => all + sheet.height, 0);
+  const height = sheets.reduce((all, sheet) => all + sheet.height, 0);
+  const canvas = made("canvas", { width: sheets[0].width, height });
   const pen = canvas.getContext("2d");
   pen.fillStyle = ground;
   pen.fillRect(0, 0, canvas.width, canvas.height);

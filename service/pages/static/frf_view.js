@@ -371,11 +371,9 @@ class FrfView {
   }
 }
 function entryOf({ color, dash, name }) {
-  const entry = document.createElement("span"),
-    sign = document.createElement("i");
+  const sign = made("i");
   sign.style.borderTop = `3px ${dash ? (dash[0] < 4 ? "dotted" : "dashed") : "solid"} ${color}`;
-  entry.append(sign, name);
-  return entry;
+  return made("span", {}, sign, name);
 }
 /* What a panel draws of a curve; nothing of one without coherence. */
 function drawnOf(curve, kind) {

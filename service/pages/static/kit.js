@@ -19,6 +19,15 @@ const made = (tag, properties = {}, ...inside) => {
   element.append(...inside);
   return element;
 };
+/* The same of a drawing, at the end of its parent. */
+function drawn(parent, name, attributes, text = "") {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  element.textContent = text;
+  parent.append(element);
+  return element;
+}
+const short = (value, digits = 7) => String(Number(value.toPrecision(digits)));
 /* A line at the bottom; with what takes back what it tells of. */
 function say(text, undo = null) {
   const place = document.getElementById("say");
@@ -67,7 +76,7 @@ document.addEventListener("keydown", ({ key }) => {
 document.addEventListener(
   "toggle",
   ({ target: menu }) => {
-    if (!menu.open || !menu.matches(".fill .menu")) return;
+    if (!menu.open || !menu.matches(":is(.fill, .scroll) .menu")) return;
     const { left, bottom } = menu.firstElementChild.getBoundingClientRect();
     const { style, offsetWidth, offsetHeight } = menu.lastElementChild;
     style.left = `${Math.max(8, Math.min(left, innerWidth - offsetWidth - 8))}px`;

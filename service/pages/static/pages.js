@@ -106,6 +106,15 @@ function bodyOf(form) {
   }
   return body;
 }
+/* Where the faults of a form stand: above the button that sends it. */
+function faultsOf(form) {
+  const place = form.querySelector(".faults") ?? made("p", { className: "faults", role: "alert" });
+  if (place.isConnected) return place;
+  const button = form.querySelector(":scope > .actions, button[type=submit]");
+  if (button) button.before(place);
+  else form.append(place);
+  return place;
+}
 function showFaults(form, problem) {
   for (const input of form.elements) input.removeAttribute?.("aria-invalid");
   const wrong = (problem.errors ?? [])
@@ -116,7 +125,7 @@ function showFaults(form, problem) {
     const closed = input.closest("details:not([open])");
     if (closed) closed.open = true;
   }
-  form.querySelector(".faults").textContent = linesOf(form, problem).join("; ");
+  faultsOf(form).textContent = linesOf(form, problem).join("; ");
   wrong[0]?.focus();
 }
 /* To another page, or to this one anew: until it comes, no button sends again what was sent. */
@@ -141,11 +150,11 @@ function leave(to = null) {
   if (to === null) location.reload();
   else location.assign(at(to));
 }
-const goOn = (then, value) =>
+const goOn = (then = "reload", value = null) =>
   leave(then === "reload" ? null : then.replace("{id}", (value?.joint ?? value)?.id ?? ""));
 async function submitted(form, work) {
   const button = form.querySelector("button[type=submit]");
-  form.querySelector(".faults").textContent = "";
+  faultsOf(form).textContent = "";
   button.disabled = true;
   speaking = form;
   try {
@@ -310,7 +319,7 @@ document.addEventListener("htmx:afterSettle", begin);
 
 async function uploadAll(form, files) {
   sending += files.length;
-  form.querySelector(".faults").textContent = "";
+  faultsOf(form).textContent = "";
   for (const file of files) {
     try {
       const sent = await upload(form.dataset.upload, file, form).finally(() => {
@@ -369,16 +378,24 @@ const localTime = (text) => {
   const at = new Date(text);
   return new Date(at - 60_000 * at.getTimezoneOffset()).toISOString().slice(0, 16);
 };
+const lineOf = (item) => (typeof item === "string" ? item : JSON.stringify(item));
+/* What REST says as a field shows it. */
+function shownIn(input, value) {
+  if ("pairs" in input.dataset)
+    return Object.entries(value)
+      .map(([key, item]) => `${key}: ${lineOf(item)}`)
+      .join("\n");
+  if (input.type === "datetime-local") return localTime(value);
+  return [value]
+    .flat()
+    .filter((one) => one !== null)
+    .map((one) => one?.variable ?? inUnit(input, one))
+    .join("list" in input.dataset ? ", " : "; ");
+}
 function fill(input, value) {
   if (!input) return;
-  const shown = (one) => (one?.variable ? one.variable : inUnit(input, one));
   if (input.type === "checkbox") input.checked = Boolean(value);
-  else
-    input.value = [value]
-      .flat()
-      .filter((one) => one !== null)
-      .map(shown)
-      .join("; ");
+  else input.value = shownIn(input, value);
   const closed = input.closest("details:not([open])");
   if (closed) closed.open = true;
 }

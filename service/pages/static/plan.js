@@ -3,30 +3,30 @@
    back is written as a table. */
 const planned = document.querySelector("form[data-plan]");
 const answer = document.querySelector("[data-answer]");
-const three = (value) => Number(value.toPrecision(3));
+const three = (value) => short(value, 3);
 const inLaboratory = (name, value) =>
-  /^[EG]/.test(name) ? `${three(value / 1e9)} GPa` : String(three(value));
+  /^[EG]/.test(name) ? `${three(value / 1e9)} GPa` : three(value);
 
 const cell = (tag, text, className = "") => made(tag, { className }, text);
 function rowOf(item, names) {
-  const line = document.createElement("tr");
-  const points = document.createElement("details");
-  points.append(
-    cell("summary", item.points_m.length === 1 ? "1 point" : `${item.points_m.length} points`),
+  const count = item.points_m.length;
+  const points = made(
+    "details",
+    {},
+    cell("summary", count === 1 ? "1 point" : `${count} points`),
     item.points_m.map(([x, y]) => `(${three(1000 * x)}, ${three(1000 * y)})`).join(" "),
   );
-  const places = cell("td", "", "text");
-  places.append(points);
-  line.append(
+  return made(
+    "tr",
+    {},
     cell("th", item.name),
     cell("td", item.information_nats.toFixed(2), "num"),
     ...names.map((name) => cell("td", inLaboratory(name, item.expected_sd[name]), "num")),
     cell("td", item.shrinks_most),
     cell("td", String(item.frequencies_hz.length), "num"),
     cell("td", `${Math.round(100 * item.share_of_all_points)} %`, "num"),
-    places,
+    cell("td", points, "text"),
   );
-  return line;
 }
 function write(plan) {
   const names = Object.keys(plan.known_sd);

@@ -75,7 +75,8 @@ class Body {
     if (!index.length) return null;
     const geometry = new this.three.BufferGeometry();
     geometry.setAttribute("position", this.rest[of]);
-    geometry.setIndex(new this.three.BufferAttribute(Uint32Array.from(index), 1));
+    const own = index instanceof Uint32Array ? index : Uint32Array.from(index);
+    geometry.setIndex(new this.three.BufferAttribute(own, 1));
     const part = new Kind(geometry, material);
     part.frustumCulled = false; // its motion is not in its box
     this.moving[of].push(geometry);
@@ -102,28 +103,27 @@ class Body {
     this.reach = shape ? amplitude : 0;
     set(this.moving.nodes, shape?.nodes);
     set(this.moving.points, shape?.points);
-    set(this.moving.arrows, shape?.points, (values) =>
-      this.scene.arrows
-        .flatMap(({ point }) => Array(6).fill(point))
-        .flatMap((p) => [...values.slice(3 * p, 3 * p + 3)]),
-    );
+    set(this.moving.arrows, shape?.points, (values) => {
+      const ends = this.scene.arrows.flatMap(({ point }) => Array(6).fill(3 * point));
+      return ends.flatMap((at) => [values[at], values[at + 1], values[at + 2]]);
+    });
   }
   turn(phase, amplitude) {
     this.motion.amplitude.value = this.reach * amplitude;
     this.motion.cosine.value = Math.cos(phase);
     this.motion.sine.value = Math.sin(phase);
   }
-  /* Where a point is now. */
-  place(i) {
+  /* Where a point is now, as a vector that is there. */
+  place(i, into) {
+    into.fromArray(this.scene.positions, 3 * i);
     const { amplitude, cosine, sine } = this.motion;
-    const m = this.shape?.points;
-    return [0, 1, 2].map(
-      (k) =>
-        this.scene.positions[3 * i + k] +
-        (m
-          ? amplitude.value * (cosine.value * m.real[3 * i + k] - sine.value * m.imag[3 * i + k])
-          : 0),
-    );
+    const moves = this.shape?.points;
+    if (!moves) return into;
+    for (let k = 0; k < 3; k += 1) {
+      const along = cosine.value * moves.real[3 * i + k] - sine.value * moves.imag[3 * i + k];
+      into.setComponent(k, into.getComponent(k) + amplitude.value * along);
+    }
+    return into;
   }
 }
 /* Arrows as three strokes each, from the points along the directions that were measured. */
@@ -237,7 +237,7 @@ export class Space {
     this.controls = new three.OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.enableZoom = false; // until somebody works here, the wheel moves the page
-    this.controls.addEventListener("change", () => this.dirty());
+    this.controls.addEventListener("change", () => this.dirty(true));
     this.state = { amplitude: 0.5, phase: 0, speed: 1, running: false };
     this.bodies = [];
     this.beside = false;
@@ -302,6 +302,7 @@ export class Space {
     for (const { material } of former) material.dispose();
     this.select(this.chosen ?? -1);
     this.resize();
+    this.dirty(true);
     if (before !== this.beside) this.home();
   }
   /* Mark a point, by its number in the list; −1 marks none. */
@@ -352,7 +353,7 @@ export class Space {
       .multiplyScalar(1.03 * this.away(this.camera.aspect))
       .add(this.centre);
     this.controls.update();
-    this.dirty();
+    this.dirty(true);
   }
   /* Two pictures stand beside or above each other, as they are larger. */
   resize() {
@@ -364,7 +365,7 @@ export class Space {
     this.stacked = this.beside && this.away(2 * aspect) < this.away(aspect / 2);
     this.camera.aspect = aspect * (this.beside ? (this.stacked ? 2 : 0.5) : 1);
     this.camera.updateProjectionMatrix();
-    if (this.touched) this.dirty();
+    if (this.touched) this.dirty(true);
     else this.home();
   }
   /* Left, top, width and height of a picture in the canvas, CSS pixels. */
@@ -375,7 +376,9 @@ export class Space {
       ? [0, (i * high) / 2, wide, high / 2]
       : [(i * wide) / 2, 0, wide / 2, high];
   }
-  dirty() {
+  /* To be drawn anew; `view`: what stands around the picture, too. */
+  dirty(view = false) {
+    this.framed &&= !view;
     this.frame ||= requestAnimationFrame((now) => this.draw(now));
   }
   draw(now) {
@@ -398,35 +401,32 @@ export class Space {
     if (state.running && this.seen && bodies.some(({ shape }) => shape)) this.dirty();
     else this.last = undefined;
   }
-  /* Where the points are seen, CSS pixels of the canvas. */
-  seenAt() {
+  /* Where points are seen, CSS pixels of the canvas. */
+  seenAt(points) {
     const at = Math.max(
       0,
       this.bodies.findIndex(({ marker }) => marker),
     );
     const [left, top, wide, high] = this.cell(at);
-    const place = new this.three.Vector3();
-    return this.scene.points.map((_, i) => {
-      place.set(...this.bodies[at].place(i)).project(this.camera);
-      return [left + ((place.x + 1) / 2) * wide, top + ((1 - place.y) / 2) * high];
+    const place = (this.somewhere ??= new this.three.Vector3());
+    return points.map((i) => {
+      const { x, y } = this.bodies[at].place(i, place).project(this.camera);
+      return [left + ((x + 1) / 2) * wide, top + ((1 - y) / 2) * high];
     });
   }
   label() {
     const { frame } = this.said;
     const pictured = this.cell(0)[3];
-    frame.draw(this.camera, this.controls.target, [...this.size, pictured], this.coloured);
-    if (!this.named.length) return;
-    const seen = this.seenAt();
-    frame.name(
-      this.named.map((i) => seen[i]),
-      this.named.indexOf(this.chosen),
-    );
+    if (!this.framed)
+      frame.draw(this.camera, this.controls.target, [...this.size, pictured], this.coloured);
+    this.framed = true;
+    if (this.named.length) frame.name(this.seenAt(this.named), this.named.indexOf(this.chosen));
   }
   /* The point nearest to a place of the canvas, CSS pixels; −1 where none is near. */
   pick(x, y) {
     let best = -1,
       least = NEAR;
-    this.seenAt().forEach(([left, top], i) => {
+    this.seenAt([...this.scene.points.keys()]).forEach(([left, top], i) => {
       const away = Math.hypot(left - x, top - y);
       if (away < least) [best, least] = [i, away];
     });

@@ -1,33 +1,25 @@
 /* What stands around a picture in space: the axes, a length, the scale of amplitudes, and names of
    points that do not cover one another. */
-const SVG = "http://www.w3.org/2000/svg";
 const STOPS = ["#00224e", "#434e6c", "#7d7c78", "#bcaf6f", "#fee838"]; // Cividis
 const ARM = 26; // pixels of an axis that is seen from the side
 const WIDEST = 110; // pixels of the length
 
-function made(parent, name, attributes, text = "") {
-  const element = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  element.textContent = text;
-  parent.append(element);
-  return element;
-}
 export class Frame {
   /* `labels` is the layer over the canvas; `metric`: whether the picture has a length. */
   constructor(labels, metric) {
     this.labels = labels;
-    this.svg = made(labels, "svg", { class: "space-frame" });
+    this.svg = drawn(labels, "svg", { class: "space-frame" });
     if (!metric) return;
     this.axes = ["x", "y", "z"].map((name) => ({
-      line: made(this.svg, "line", {}),
-      text: made(this.svg, "text", { "text-anchor": "middle" }, name),
+      line: drawn(this.svg, "line", {}),
+      text: drawn(this.svg, "text", { "text-anchor": "middle" }, name),
     }));
-    this.length = made(this.svg, "path", {});
-    this.words = made(this.svg, "text", { "text-anchor": "middle" });
-    this.scale = made(this.svg, "g", { display: "none" });
+    this.length = drawn(this.svg, "path", {});
+    this.words = drawn(this.svg, "text", { "text-anchor": "middle" });
+    this.scale = drawn(this.svg, "g", { display: "none" });
     STOPS.slice(0, -1).forEach((_, k) =>
       [0, 1, 2, 3].forEach((part) =>
-        made(this.scale, "rect", {
+        drawn(this.scale, "rect", {
           x: -8,
           y: 80 - 5 * (4 * k + part + 1),
           width: 8,
@@ -40,7 +32,7 @@ export class Frame {
       [80, "0"],
       [8, "1"],
     ])
-      made(this.scale, "text", { x: -12, y, "text-anchor": "end" }, text);
+      drawn(this.scale, "text", { x: -12, y, "text-anchor": "end" }, text);
   }
   /* For a camera, pixels across and up and those up of one picture, and whether amplitudes are
      coloured. */
@@ -71,9 +63,7 @@ export class Frame {
   }
   /* The names that it has, and how large they are. */
   hold(names) {
-    this.spans = names.map((textContent) =>
-      Object.assign(document.createElement("span"), { textContent }),
-    );
+    this.spans = names.map((name) => made("span", {}, name));
     this.labels.append(...this.spans);
     this.sizes = this.spans.map((span) => [span.offsetWidth, span.offsetHeight]);
   }

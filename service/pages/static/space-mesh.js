@@ -32,21 +32,51 @@ function normalOf(positions, [a, b, c]) {
   return n.map((value) => value / length);
 }
 /* Sides of elements by their ends: a side of one element is an outline, one of more, or at an
-   angle, a junction. */
-function sorted(sides) {
-  const outline = [],
-    junctions = [],
-    borders = [];
-  for (const { pairs, normals, sets } of sides.values()) {
-    const [first, ...others] = normals;
-    const askew = others.some(
-      (n) => Math.abs(n[0] * first[0] + n[1] * first[1] + n[2] * first[2]) < SHARP,
-    );
-    if (normals.length > 2 || askew) junctions.push(...pairs);
-    else if (normals.length === 1) outline.push(...pairs);
-    else if (new Set(sets).size > 1) borders.push(...pairs);
+   angle, a junction. Arrays of numbers and no object a side: what a mesh leaves to be collected
+   would stop the picture. */
+class Sides {
+  constructor(most, nodes) {
+    this.count = nodes;
+    this.at = new Map();
+    this.nodes = new Int32Array(3 * most); // ends, and the middle, or again the second end
+    this.normals = new Float32Array(3 * most);
+    this.sets = new Int32Array(most);
+    this.elements = new Uint8ClampedArray(most);
+    this.askew = new Uint8Array(most);
+    this.between = new Uint8Array(most); // sets
   }
-  return { outline: [...outline, ...borders, ...junctions], junctions };
+  /* Of one more element; its lines where it is a new side. */
+  add(a, b, middle, normal, set) {
+    const key = Math.min(a, b) * this.count + Math.max(a, b);
+    let i = this.at.get(key);
+    const isNew = i === undefined;
+    if (isNew) {
+      i = this.at.size;
+      this.at.set(key, i);
+      this.nodes.set([a, b, middle], 3 * i);
+      this.normals.set(normal, 3 * i);
+      this.sets[i] = set;
+    }
+    const along = normal.reduce((sum, value, k) => sum + value * this.normals[3 * i + k], 0);
+    if (Math.abs(along) < SHARP) this.askew[i] = 1;
+    if (this.sets[i] !== set) this.between[i] = 1;
+    this.elements[i] += 1;
+    return isNew ? this.lines(i) : [];
+  }
+  lines(i) {
+    const [a, b, middle] = this.nodes.subarray(3 * i, 3 * i + 3);
+    return middle === b ? [a, b] : [a, middle, middle, b];
+  }
+  sorted() {
+    const outline = [],
+      junctions = [];
+    for (let i = 0; i < this.at.size; i += 1) {
+      const isJunction = this.elements[i] > 2 || this.askew[i];
+      if (isJunction) junctions.push(...this.lines(i));
+      if (isJunction || this.elements[i] === 1 || this.between[i]) outline.push(...this.lines(i));
+    }
+    return { outline: Uint32Array.from(outline), junctions: Uint32Array.from(junctions) };
+  }
 }
 /* Typed arrays of what a service's mesh says. */
 export function meshOf(said) {
@@ -57,46 +87,36 @@ export function meshOf(said) {
       positions[3 * i + k] = value;
     }),
   );
-  const sets = new Map();
-  const sides = new Map();
-  for (const block of said.blocks) {
-    if (!sets.has(block.set))
-      sets.set(block.set, { name: block.set, elements: 0, triangles: [], wires: [] });
-    const set = sets.get(block.set);
-    const corners = block.corners;
-    for (const nodes of block.nodes) {
+  const names = [...new Set(said.blocks.map(({ set }) => set))];
+  const sets = names.map((name) => ({ name, elements: 0, triangles: [], wires: [] }));
+  const most = said.blocks.reduce((sum, { corners, nodes }) => sum + corners * nodes.length, 0);
+  const sides = new Sides(most, count);
+  for (const { set: name, corners, nodes: elements } of said.blocks) {
+    const which = names.indexOf(name),
+      set = sets[which];
+    set.elements += elements.length;
+    if (corners === 1) continue; // nodes alone
+    for (const nodes of elements) {
       const ring = ringOf(corners, nodes);
-      set.elements += 1;
-      if (corners === 1) continue; // a node alone
       if (corners === 2) {
         for (let i = 1; i < ring.length; i += 1) set.wires.push(ring[i - 1], ring[i]);
         continue;
       }
-      const triangles = trianglesOf(ring, corners);
-      set.triangles.push(...triangles.flat());
+      for (const triangle of trianglesOf(ring, corners)) set.triangles.push(...triangle);
       const normal = normalOf(positions, nodes);
       const step = ring.length / corners;
-      for (let i = 0; i < corners; i += 1) {
-        const along = Array.from(
-          { length: step + 1 },
-          (_, k) => ring[(i * step + k) % ring.length],
-        );
-        const pairs = along.slice(1).flatMap((node, k) => [along[k], node]);
-        const [a, b] = [along[0], along.at(-1)];
-        const key = Math.min(a, b) * count + Math.max(a, b);
-        if (!sides.has(key)) {
-          sides.set(key, { pairs, normals: [], sets: [] });
-          set.wires.push(...pairs);
-        }
-        sides.get(key).normals.push(normal);
-        sides.get(key).sets.push(block.set);
+      for (let i = 0; i < ring.length; i += step) {
+        const end = ring[(i + step) % ring.length];
+        set.wires.push(...sides.add(ring[i], end, step === 2 ? ring[i + 1] : end, normal, which));
       }
     }
   }
+  for (const set of sets)
+    for (const part of ["triangles", "wires"]) set[part] = Uint32Array.from(set[part]);
   return {
     positions,
-    sets: [...sets.values()],
-    ...sorted(sides),
+    sets,
+    ...sides.sorted(),
     held: [...new Set((said.supports ?? []).flatMap((s) => s.nodes))],
     masses: said.masses ?? [],
   };
@@ -122,7 +142,7 @@ const flat = (x, y, z) => [
 
 /* An SVG of what is to be seen, moved by `reach` m where it has a shape. */
 export function still(scene, shape, reach, colors) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  const svg = drawn(document.createDocumentFragment(), "svg", {});
   const places = (rest, motion) =>
     Array.from({ length: rest.length / 3 }, (_, i) =>
       flat(...[0, 1, 2].map((k) => rest[3 * i + k] + (motion ? reach * motion[3 * i + k] : 0))),
@@ -135,14 +155,9 @@ export function still(scene, shape, reach, colors) {
   const [left, top] = [Math.min(...xs), Math.min(...ys)];
   const size = Math.max(Math.max(...xs) - left, Math.max(...ys) - top) || 1;
   const put = (p) => p.map((value, k) => ((value - [left, top][k]) / size) * 700 + 50);
-  const drawn = (name, said) => {
-    const part = document.createElementNS(svg.namespaceURI, name);
-    Object.entries(said).forEach(([key, value]) => part.setAttribute(key, value));
-    svg.append(part);
-  };
   const lines = (pairs, at, stroke, dash = "") => {
     if (pairs.length)
-      drawn("path", {
+      drawn(svg, "path", {
         d: Array.from(
           { length: pairs.length / 2 },
           (_, i) =>
@@ -163,7 +178,7 @@ export function still(scene, shape, reach, colors) {
   lines(scene.joined, moved, colors.measured);
   for (const p of moved.filter((_, i) => !scene.points[i].bare)) {
     const [cx, cy] = put(p);
-    drawn("circle", { cx: cx.toFixed(1), cy: cy.toFixed(1), r: 5, fill: colors.measured });
+    drawn(svg, "circle", { cx: cx.toFixed(1), cy: cy.toFixed(1), r: 5, fill: colors.measured });
   }
   svg.setAttribute(
     "viewBox",

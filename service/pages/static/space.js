@@ -15,7 +15,6 @@ const SETS = [
   "#8a8f96",
 ];
 
-const number = (value, digits = 3) => Number(value.toPrecision(digits)).toString();
 const counted = (count, one, many = one + "s") => `${count} ${count === 1 ? one : many}`;
 
 /* Points and mesh as the drawing takes them. */
@@ -81,7 +80,7 @@ class Viewer {
       );
       this.geometry = geometry;
       this.scene = bars ? await this.bars(bars) : await this.structure();
-      if (document.createElement("canvas").getContext("webgl2"))
+      if (made("canvas").getContext("webgl2"))
         this.draw(three, drawing, new frame.Frame(this.part("labels"), !bars));
       else this.flat();
     } catch (error) {
@@ -115,7 +114,9 @@ class Viewer {
     } catch (error) {
       if (!this.said?.points.length) throw error;
     }
-    return sceneOf(found ? this.geometry.meshOf(found) : this.geometry.noMesh(), this.said);
+    const drawn = found ? this.geometry.meshOf(found) : this.geometry.noMesh();
+    if (found) found.nodes = found.blocks = null; // which are large, and are in the arrays now
+    return sceneOf(drawn, this.said);
   }
   draw(three, drawing, frame) {
     const canvas = this.part("canvas");
@@ -192,11 +193,9 @@ class Viewer {
     );
     this.part("legend").replaceChildren(
       ...listed.map(([color, words]) => {
-        const item = document.createElement("li"),
-          swatch = document.createElement("i");
+        const swatch = made("i");
         swatch.style.background = color;
-        item.append(swatch, words);
-        return item;
+        return made("li", {}, swatch, words);
       }),
     );
   }
@@ -232,7 +231,7 @@ class Viewer {
           (p, i) =>
             new Option(
               p.words ??
-                `${p.label}: ${AXES.map((axis) => number(1e3 * p[axis + "_m"], 4)).join(", ")} mm`,
+                `${p.label}: ${AXES.map((axis) => short(1e3 * p[axis + "_m"], 4)).join(", ")} mm`,
               i,
             ),
         ),
@@ -247,11 +246,11 @@ class Viewer {
         list.append(...modes.map((m) => new Option(words(m), m.number)));
         list.value = this.asked.get("space-" + name) ?? String(modes[0]?.number ?? "");
       };
-      fill("measured", this.said.measured, (m) => `${m.number}: ${number(m.frequency_hz, 5)} Hz`);
+      fill("measured", this.said.measured, (m) => `${m.number}: ${short(m.frequency_hz, 5)} Hz`);
       fill(
         "model",
         this.said.model,
-        (m) => `${m.number}: ${number(m.frequency_hz, 5)} Hz, ${m.kind}`,
+        (m) => `${m.number}: ${short(m.frequency_hz, 5)} Hz, ${m.kind}`,
       );
       const pair = this.said.measured.find((m) => String(m.number) === this.part("measured").value);
       if (!this.asked.has("space-model") && pair) this.part("model").value = pair.model ?? "";
@@ -312,7 +311,7 @@ class Viewer {
       get(`mode-sets/${id}`).then((set) => {
         const mode = set.modes.find((m) => m.number === which);
         const shape = shapeOf(mode.shape, this.said);
-        const words = `${set.name}, mode ${mode.number}: ${number(mode.frequency_hz, 5)} Hz`;
+        const words = `${set.name}, mode ${mode.number}: ${short(mode.frequency_hz, 5)} Hz`;
         return [
           shape ? [shape] : [],
           shape ? words : words + ": none of its points is on the grid",
@@ -358,11 +357,11 @@ class Viewer {
     this.part("point").value = i;
     if (!said) return;
     if (point.words) return this.say(point.words);
-    const place = AXES.map((axis) => `${axis} ${number(1e3 * point[axis + "_m"], 4)}`).join(", ");
+    const place = AXES.map((axis) => `${axis} ${short(1e3 * point[axis + "_m"], 4)}`).join(", ");
     this.say(
       `Point ${point.label}: ${place} mm` +
         ("frfs" in point ? `; ${counted(point.frfs, "FRF")}` : "") +
-        ("distance_m" in point ? `; ${number(1e3 * point.distance_m)} mm from the structure` : ""),
+        ("distance_m" in point ? `; ${short(1e3 * point.distance_m, 3)} mm from the structure` : ""),
     );
   }
   async distances(button) {
@@ -376,7 +375,7 @@ class Viewer {
       }
       this.show(
         this.shapes,
-        `The points lie ${number(1e3 * found.rms_m)} mm (rms) from the structure` +
+        `The points lie ${short(1e3 * found.rms_m, 3)} mm (rms) from the structure` +
           (found.off.length
             ? `; ${counted(found.off.length, "point")} further than an update takes: ${found.off.slice(0, 10).join(", ")}`
             : "."),
