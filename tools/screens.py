@@ -24,6 +24,8 @@ LOOKS = [
 ]
 LISTS = ("", "new", "projects", "update-jobs", "monitors", "trash", "keys", "kit", "nowhere")
 RESULT_TABS = ("correlation", "damping", "budget", "convergence", "recipe", "report")
+TO_THE_TOP = """scrollTo(0, 0);
+for (const part of document.querySelectorAll(".sheet-page")) part.scrollTop = 0"""
 LONG = "pultruded GFRP stringer of the second bridge, north abutment, after the third winter"
 DRAWN = ".main-svg, .uplot, .wait:not(:text('Drawing …'))"  # or says why not
 WATCH = {
@@ -114,7 +116,7 @@ def main(folder: Path) -> None:
                             place.scroll_into_view_if_needed()
                             seen.page.wait_for_selector("[data-space][data-ready]:visible")
                         # Else the head, which stays in sight, would cover its middle.
-                        seen.page.evaluate("scrollTo(0, 0)")
+                        seen.page.evaluate(TO_THE_TOP)
                         look = f"{size}{'-dark' if dark else ''}"
                         name = f"{number:02}-{path.split('/')[2].split('?')[0]}-{look}.png"
                         seen.page.screenshot(path=folder / name, full_page=True)

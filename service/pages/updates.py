@@ -4,6 +4,7 @@ result; and the next tests.
 Lists everywhere name update jobs by what they belong to.
 """
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +37,7 @@ from service.nouns.updates.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.pages.findings import OF_FRFS, agreement, opening
 from service.pages.forms import OF_PARAMETER, fields_of
 from service.pages.look import Visit, VisitDep
-from service.pages.numbers import leaves
+from service.pages.numbers import leaves, moment
 from service.pages.quantities import units_of_parameter
 from service.pages.viewer import viewer_of
 from service.platform.access import routes as access
@@ -144,20 +145,7 @@ def get_new_update(
 ) -> HTMLResponse:
     """The form of a recipe, made from its schema; filled in as another job's where one is named."""
     context = visit.in_campaign(campaign_id)
-    sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=MOST).items
-    batches = coupons.batches.page(
-        visit.session, visit.user, context["structure"].id, limit=MOST
-    ).items
-    choices = {
-        "mode_set": [
-            (str(s.id), f"{s.name} ({s.origin}, {counted(len(s.modes), 'mode')})")
-            for s in reversed(sets)
-        ],
-        "prior_from_coupon_batch": [
-            (str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)
-        ],
-    }
-    fields = fields_of(RecipeIn, choices)
+    fields = fields_of(RecipeIn, _choices(visit, context))
     first = sorted(
         (f for f in fields if f.name in PRINCIPAL), key=lambda f: PRINCIPAL.index(f.name)
     )
@@ -177,6 +165,22 @@ def get_new_update(
         more=[f for f in fields if f.name not in PRINCIPAL],
         start=start,
     )
+
+
+def _choices(visit: Visit, within: Mapping[str, Any]) -> dict[str, list[tuple[str, str]]]:
+    """What a recipe may name of a campaign and its structure: keys, and words of them."""
+    session, user = visit.session, visit.user
+    sets = modes.nouns.page(session, user, within["campaign"].id, limit=MOST).items
+    batches = coupons.batches.page(session, user, within["structure"].id, limit=MOST).items
+    return {
+        "mode_set": [
+            (str(s.id), f"{s.name} ({s.origin}, {counted(len(s.modes), 'mode')})")
+            for s in reversed(sets)
+        ],
+        "prior_from_coupon_batch": [
+            (str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)
+        ],
+    }
 
 
 def _as_typed(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -235,6 +239,7 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         return visit.show("job.html", **common, ended=job.status in ENDED)
     row = update_job_for(visit.session, visit.user, job_id)
     result = result_document(visit.session, row)
+    names = {key: name for each in _choices(visit, within).values() for key, name in each}
     return _result(
         visit,
         common,
@@ -245,9 +250,12 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         viewer=_viewer(visit, campaign, job_id, result),
         of_frfs=OF_FRFS,
         agreement=agreement(result),
-        recipe=list(
-            leaves(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True))
-        ),
+        recipe=[
+            (name, names.get(value, value))
+            for name, value in leaves(
+                job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+            )
+        ],
         partners={
             pair["measured"]: pair["model"]
             for pair in (result.get("pairing") or {}).get("partners", [])
@@ -298,6 +306,18 @@ def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
     )
 
 
+KEY = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+
+
+def _origin(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Where a result was computed and when, without the keys that the result as JSON has."""
+    return [
+        (name, moment(value) if name.endswith("_at") else str(value))
+        for name, value in provenance.items()
+        if isinstance(value, str | int | float) and not KEY.fullmatch(str(value))
+    ]
+
+
 def _result(
     visit: Visit,
     common: Mapping[str, Any],
@@ -313,6 +333,7 @@ def _result(
         "parts_of_page": [(key, name, None) for key, name in parts],
         "tabs": _tabs(),
         "downloads": list(_downloads(common)),
+        "origin": _origin(result["provenance"]),
     }
     return visit.show("result.html", **common, result=result, **opened, **own)
 

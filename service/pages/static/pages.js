@@ -282,14 +282,17 @@ async function readSo(form) {
     const { id } = await sendAgain(dataset, stated);
     stale = true;
     readAs.set(id, section);
-    if (uploaded) await report(id, placeAbove(section));
+    if (uploaded) await reportBefore(section, id);
   }
   if (!uploaded) leave(`ui/${form.dataset.into.replace(/\/imports$/, "")}`);
 }
-function placeAbove(element) {
+/* A report that comes before another, or first. */
+function reportBefore(other, id) {
   const place = made("div");
-  element.before(place);
-  return place;
+  place.dataset.awaited = "";
+  if (other) other.before(place);
+  else uploaded.append(place);
+  return report(id, place);
 }
 
 /* When all files of a campaign are read, their list and the tabs are those of now; what is in the
@@ -310,6 +313,7 @@ async function renewFiles() {
   history.replaceState(null, "", location.pathname + location.search + "#files");
   document.querySelector(".tabs [href='#files']").setAttribute("aria-current", "page");
   addEventListener("hashchange", () => leave(), { once: true });
+  watch();
 }
 document.addEventListener("htmx:beforeSwap", ({ detail }) => {
   if (leaving) detail.shouldSwap = false;
@@ -328,7 +332,7 @@ async function uploadAll(form, files) {
       if (sent.already_imported) say(`${file.name} is in this campaign already.`);
       else say("");
       stale ||= !sent.already_imported;
-      await report(sent.id, uploaded.insertBefore(made("div"), uploaded.firstChild));
+      await reportBefore(uploaded.firstChild, sent.id);
     } catch (problem) {
       say("");
       showFaults(form, problem);
