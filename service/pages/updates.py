@@ -312,7 +312,7 @@ KEY = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 def _origin(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Where a result was computed and when, without the keys that the result as JSON has."""
     return [
-        (name, moment(value) if name.endswith("_at") else str(value))
+        (name, moment(str(value)) if name.endswith("_at") else str(value))
         for name, value in provenance.items()
         if isinstance(value, str | int | float) and not KEY.fullmatch(str(value))
     ]
