@@ -39,6 +39,11 @@ function rgb(text) {
   const hex = text.trim().replace(/^#(.)(.)(.)$/, "#$1$1$2$2$3$3");
   return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
 }
+const triples = (three, values) =>
+  new three.BufferAttribute(
+    values instanceof Float32Array ? values : Float32Array.from(values),
+    3,
+  );
 /* One picture of the structure, with a motion of its own; several share the arrays of their places.
  */
 class Body {
@@ -86,9 +91,8 @@ class Body {
   /* How the shape moves nodes and points; what has none stays. */
   move(shape, amplitude) {
     const { three } = this;
-    const triple = (values) => new three.BufferAttribute(Float32Array.from(values), 3);
     const set = (geometries, motion, repeat) => {
-      const spread = (values) => triple(repeat ? repeat(values) : values);
+      const spread = (values) => triples(three, repeat ? repeat(values) : values);
       const [real, imag] = motion ? [spread(motion.real), spread(motion.imag)] : [];
       for (const geometry of geometries)
         for (const [name, values] of [
@@ -257,15 +261,10 @@ export class Space {
   }
   build() {
     const { three, scene } = this;
-    const attribute = (values) =>
-      new three.BufferAttribute(
-        values instanceof Float32Array ? values : Float32Array.from(values),
-        3,
-      );
     this.rest = {
-      nodes: attribute(scene.mesh.positions),
-      points: attribute(scene.positions),
-      arrows: attribute(strokes(scene, 0.09 * this.radius)),
+      nodes: triples(three, scene.mesh.positions),
+      points: triples(three, scene.positions),
+      arrows: triples(three, strokes(scene, 0.09 * this.radius)),
     };
     this.show([]);
   }

@@ -32,6 +32,9 @@ function sceneOf(mesh, said) {
     ),
   };
 }
+/* A motion as arrays that leave nothing to be collected. */
+const floats = (motion) =>
+  motion && { real: Float32Array.from(motion.real), imag: Float32Array.from(motion.imag) };
 /* A measured shape of a mode set at the points: its largest value real and 1. */
 function shapeOf(values, said) {
   const row = new Map(said.points.map((p, i) => [p.label, i]));
@@ -214,7 +217,8 @@ class Viewer {
       on(name, "change", (list) => {
         keep({ ["space-" + name]: list.value || null });
         const pair = ["measured", "model"].map((side) => this.part(side).value);
-        if (work?.contains(this.place)) tell("mode-chosen", { pair });
+        if (name === "layout") this.show(this.shapes, this.part("said").textContent);
+        else if (work?.contains(this.place)) tell("mode-chosen", { pair });
         else this.compare();
       });
     if (this.place.dataset.result && work?.contains(this.place))
@@ -303,7 +307,12 @@ class Viewer {
           : `model mode ${wanted[i][1]}`,
       )
       .join("; ");
-    return [found.map((shape, i) => ({ ...shape, measured: wanted[i][0] === "measured" })), words];
+    const shapes = found.map(({ nodes, points }, i) => ({
+      nodes: floats(nodes),
+      points: floats(points),
+      measured: wanted[i][0] === "measured",
+    }));
+    return [shapes, words];
   }
   /* A measured mode of a test's mode sets. */
   async setOf({ set: id, number: which }) {
