@@ -24,7 +24,7 @@ def running() -> Iterator[Browser]:
 
 @pytest.fixture
 def seen(running: Browser, service: LocalService, api: httpx.Client) -> Iterator[Watched]:
-    """A page on the desk of the user of `api`."""
-    with watched_page(running, service.url) as page:
+    """A page on the desk of the user of `api`, without WebGL, which `test_space` is about."""
+    with watched_page(running, service.url, webgl=False) as page:
         signed_in(page, api.headers["authorization"].split()[1])
         yield page

@@ -36,7 +36,7 @@ def test_what_is_dropped_is_shown_and_can_be_removed(
     image, other = tmp_path / "clamp.png", tmp_path / "<img src=x onerror=alert(1)>.txt"
     Image.new("RGB", (400, 300), "red").save(image)
     other.write_text("notes")
-    with watched_page(running, service.url, width=width) as seen:
+    with watched_page(running, service.url, width=width, webgl=False) as seen:
         page = signed_in(seen, key)
         for noun in nouns:
             page.goto(f"/ui/{noun}/{ids[noun]}")

@@ -133,10 +133,11 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
     key = service.new_key("browser")
     with watched_page(running, service.url) as seen:
         page = seen.page
-        result = main_job(seen, key, measured)
+        result = urlsplit(main_job(seen, key, measured)).path
         look_at_every_part(seen)
         a_result_opens_with_what_was_found(page)
-        assert seen.print() == "application/pdf"
+        job = result.rpartition("/")[2]
+        assert seen.print().endswith(f"/update-jobs/{job}/report?format=pdf")
         assert seen.clicks <= MOST_CLICKS
         assert seen.fields <= MOST_FIELDS
         a_mode_zooms_and_a_cell_opens_its_shapes(page)
@@ -146,12 +147,9 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         assert [(c["httpOnly"], c["sameSite"]) for c in cookies] == [(True, "Strict")]
         structure, campaign = (link.rsplit("/", 1)[1] for link in links[-2:])
         with client_at(service.url, key) as api:
-            others = more_pages(api, structure)
-        page.goto(others[0])
-        a_curve_and_hits_are_drawn(seen, others)
+            others = more_pages(api, structure) if every_page else []
         a_file_is_dropped(seen, f"/ui/campaigns/{campaign}")
         a_second_specimen_takes_its_material(seen, measured)
-    job = urlsplit(result).path
     by_themselves = [
         "/ui/",
         "/ui/update-jobs",
@@ -160,10 +158,10 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         "/ui/trash",
         "/ui/search?noun=results",
     ]
-    around = [*links, f"{links[-1]}/update", f"/ui/compare?job={job.rsplit('/', 1)[1]}", *others]
+    around = [*links, f"{links[-1]}/update", f"/ui/compare?job={job}", *others]
     further = [*by_themselves, *around] if every_page else [links[-1]]
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
-        signed_in(seen, key, job)
+        signed_in(seen, key, result)
         if every_page:
             look_at_every_part(seen)
         assert hindrances(seen.page) == []
@@ -281,20 +279,6 @@ def more_pages(api: httpx.Client, structure: str) -> list[str]:
     return [f"/ui/coupon-batches/{batch}", f"/ui/monitors/{monitor}", f"/ui/campaigns/{hit}"]
 
 
-def a_curve_and_hits_are_drawn(seen: Watched, pages: list[str]) -> None:
-    """The button of a coupon draws its curve, and the address keeps it; the hits of a point are
-    drawn.
-    """
-    seen.page.click("button:text('Curve')")
-    seen.page.wait_for_selector("[data-curve-view] .main-svg")
-    assert "curve=" in seen.page.evaluate("location.search")
-    seen.page.goto(pages[2])
-    drawn(seen.page, "figure[data-figure$='/figures/hits']")
-    assert "good hits (3)" in (
-        seen.page.text_content("figure[data-figure$='/figures/hits'] .main-svg .legend") or ""
-    )
-
-
 def a_file_is_dropped(seen: Watched, campaign: str) -> None:
     """A file that is dropped is sent, unless one cancels it; what was wrong with it is said."""
     seen.page.goto(f"{campaign}#files")
@@ -326,7 +310,6 @@ def a_second_specimen_takes_its_material(seen: Watched, file: Path) -> None:
     seen.fill("campaign/", {"boundary": "free"})
     seen.page.locator("button:text-is('Import 1 file')").wait_for()
     assert seen.fields <= MOST_FIELDS_OF_KNOWN
-    assert hindrances(seen.page) == []
 
 
 def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalService) -> None:
@@ -430,7 +413,6 @@ def test_a_search_is_typed_with_suggestions_and_kept(
         box.press_sequentially("> 25")
         box.press("Enter")
         page.wait_for_selector("h2:text('2 campaigns')")
-        assert hindrances(page) == []
         page.click("aside a:text('cantilever')")
         page.wait_for_selector("h2:text('1 campaigns')")
         assert (

@@ -11,7 +11,14 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, overflow
 from tests.integration.test_coupons import CURVE, machine_file
-from tests.support.browser import Watched, answered, held, hindrances, signed_in, watched_page
+from tests.support.browser import (
+    Watched,
+    answered,
+    held,
+    hindrances,
+    signed_in,
+    watched_page,
+)
 from tests.support.lengths import long
 from tests.support.rest import client_at, finished, ok, posted
 from tests.support.waiting import until
@@ -56,7 +63,7 @@ def test_what_was_typed_is_corrected_deleted_and_restored(
         batch, _, hits = more_pages(api, structure)
         judged = api.post(f"campaigns/{hits.rsplit('/', 1)[1]}/processings", json={})
         finished(api, judged.headers["Location"])
-        with watched_page(running, service.url) as seen:
+        with watched_page(running, service.url, webgl=False) as seen:
             page = signed_in(seen, key)
             with held(page, f"**/api/v1/campaigns/{campaign}") as waiting:
                 page.goto(f"/ui/edit/campaigns/{campaign}")
@@ -109,6 +116,9 @@ def test_what_was_typed_is_corrected_deleted_and_restored(
                 "corrector",
             )
             page.goto(batch)
+            page.click("button:text('Curve')")
+            page.wait_for_selector("[data-curve-view] .main-svg")
+            assert "curve=" in page.evaluate("location.search")
             page.click("summary:has-text('Exclude')")
             page.fill("[name=exclusion_reason]", "slipped in the grip")
             saved(page, "Exclude A1")

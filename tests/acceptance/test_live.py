@@ -12,7 +12,7 @@ from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages
 from tests.acceptance.test_correcting import bar
 from tests.integration.test_monitoring import Lab, worker_stopped
-from tests.support.browser import Watched
+from tests.support.browser import Watched, drawn
 from tests.support.lengths import long
 from tests.support.rest import ok, posted
 
@@ -53,6 +53,8 @@ def test_processing_and_identification_show_themselves(
         ok(api.post(f"campaigns/{campaign}/processings", json={}), 202)
         begun(page, hits)
         assert page.inner_text("#hits .state[data-job]") == "queued"
+        drawn(page, figure := "figure[data-figure$='/figures/hits']")
+        assert "good hits (3)" in (page.text_content(f"{figure} .main-svg .legend") or "")
     renewed(page, "[data-frf-viewer]")
     with worker_stopped(service):
         ok(api.post(f"campaigns/{campaign}/identifications", json={"name": "found"}), 202)

@@ -296,7 +296,7 @@ def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:
     key = service.new_key("pocket")
     with (
         client_at(service.url, key) as api,
-        watched_page(running, service.url, width=390, height=844, dark=True) as seen,
+        watched_page(running, service.url, width=390, height=844, dark=True, webgl=False) as seen,
     ):
         campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")

@@ -107,7 +107,7 @@ def test_priors_are_in_the_unit_of_their_parameter(running: Browser, service: Lo
     key = service.new_key("prior")
     with (
         client_at(service.url, key) as api,
-        watched_page(running, service.url, width=390, height=844, dark=True) as seen,
+        watched_page(running, service.url, width=390, height=844, dark=True, webgl=False) as seen,
     ):
         _, structure = bar(api)
         test = posted(
