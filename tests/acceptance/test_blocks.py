@@ -37,7 +37,6 @@ from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.lengths import long
 from tests.support.places import ROOT
-from tests.support.profiles import deck, i_profile, measured
 from tests.support.rest import client_of, ok
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
@@ -66,9 +65,6 @@ class Reader:
         key = self.api.headers["authorization"].split()[1]
         shutil.copytree(ROOT / "examples" / "tutorial", folder, dirs_exist_ok=True)
         (folder / "beam.uff").write_bytes(uff_file())
-        (folder / "angle.uff").write_bytes(measured())
-        (folder / "i.uff").write_bytes(i_profile())
-        (folder / "bracket.inp").write_bytes(deck(1e-3))
         (folder / "A1.csv").write_bytes(AT_HAND["docs/coupons.md"]()["data"])
         long = recording([1.0, 4.0, 7.0, 10.0, 13.0, 16.0], [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
         wavfile.write(

@@ -15,6 +15,7 @@ import modalbase
 from examples.footbridge import HAMMERS, LOSS, PER_KELVIN, QUESTIONS, campaign_of, main
 from service.app.supervisor import LocalService
 from tests.support.command import modalbase_here
+from tests.support.lengths import long
 from tests.support.places import ROOT
 from tests.support.rest import session_client
 
@@ -22,30 +23,35 @@ CAMPAIGNS = 5
 PAGE = (ROOT / "docs" / "footbridge.md").read_text(encoding="utf-8")
 
 
-def expected() -> dict[str, int]:
-    """What the first six questions must find, from what is made."""
+def expected(stringers: int) -> dict[str, int]:
+    """What the first questions must find, from what is made."""
     made = [campaign_of(number, CAMPAIGNS) for number in range(CAMPAIGNS)]
     lapsed = sum("2024-04-01" <= f"{when:%Y-%m-%d}" < "2024-10-01" for _, when in made)
     counts = {
-        "campaigns above 25 °C": 2 * sum(stated["temperature_c"] > 25 for stated, _ in made),
+        "campaigns above 25 °C": stringers
+        * sum(stated["temperature_c"] > 25 for stated, _ in made),
         "winters of the north stringer": sum(stated["tags"] == ["winter"] for stated, _ in made),
         "what was measured with the other hammer": (
-            2 * sum(stated["instruments"]["hammer"]["model"] != HAMMERS[0] for stated, _ in made)
+            stringers
+            * sum(stated["instruments"]["hammer"]["model"] != HAMMERS[0] for stated, _ in made)
         ),
-        "what the expired calibration touched": 2 * lapsed,
-        "driving-point FRFs of sensor 30517": 2 * CAMPAIGNS,
-        "FRFs of 2024 with the force at point 3": 2 * sum(when.year == 2024 for _, when in made),
-        "first bending modes": 2 * CAMPAIGNS,
+        "what the expired calibration touched": stringers * lapsed,
+        "driving-point FRFs of sensor 30517": stringers * CAMPAIGNS,
+        "FRFs of 2024 with the force at point 3": stringers
+        * sum(when.year == 2024 for _, when in made),
+        "first bending modes": stringers * CAMPAIGNS,
     }
     assert all(counts.values())
     return counts
 
 
 @pytest.fixture
-def key(service: LocalService) -> str:
-    """The key of a laboratory that has run the script as a user does."""
-    key = service.new_key("bridge warden")
+def key(service: LocalService, stringers: int) -> str:
+    """The key of a laboratory that has run the script as a user does, on one stringer or both."""
+    key = service.new_key(f"bridge warden of {stringers}")
     with pytest.MonkeyPatch.context() as patch:
+        for name in list(LOSS)[stringers:]:
+            patch.delitem(LOSS, name)
         words = ["--url", service.url, "--key", key, "--campaigns", str(CAMPAIGNS)]
         patch.setattr(sys, "argv", ["examples.footbridge", *words])
         main()
@@ -58,13 +64,14 @@ def test_every_question_is_on_the_page_of_the_documents() -> None:
     assert len(QUESTIONS) == 10
 
 
+@pytest.mark.parametrize("stringers", [1, long(2)])
 def test_page_library_and_command_give_one_answer(
-    service: LocalService, key: str, new_client: Callable[..., httpx.Client]
+    service: LocalService, key: str, new_client: Callable[..., httpx.Client], stringers: int
 ) -> None:
-    """Ten questions of the guide by three doors, over ten updated campaigns."""
+    """Ten questions of the guide by three doors, over updated campaigns."""
     place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
     headers = {"Authorization": f"Bearer {key}"}
-    known = expected()
+    known = expected(stringers)
     with (
         modalbase.connect(service.url, key) as lab,
         session_client(new_client(), headers, service.url) as browser,

@@ -15,12 +15,12 @@ from service.platform.queue.child import PURGED
 from service.platform.queue.tables import Job
 from service.tasks.kinds import KINDS
 from tests.support import backups, kills
-from tests.support.backups import RECIPE, Laboratory, hits_of_a_point, small_file
+from tests.support.backups import RECIPE, Laboratory, hits_of_a_point
 from tests.support.command import modalbase_here
 from tests.support.floor import Floor, floor
 from tests.support.lengths import long
 from tests.support.outage import outage
-from tests.support.rest import campaigns_of, finished, ok
+from tests.support.rest import campaigns_of, finished, ok, posted
 from tests.support.waiting import PATIENCE
 
 
@@ -88,19 +88,10 @@ def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client)
     """The same beam in two campaigns: the results of one batch equal that of a job alone, but for
     where they were made.
     """
-    project = ok(api.post("projects", json={"name": "many"}))["id"]
-    structure = ok(api.post(f"projects/{project}/structures", json=paper.STRUCTURE))["id"]
     jobs = []
-    for _ in range(2):
-        campaign = ok(api.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN))["id"]
-        sent = api.post(
-            f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=small_file()
-        )
-        finished(api, sent.headers["location"])
-        modes = ok(
-            api.post(
-                f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}
-            )
+    for campaign in campaigns_of(api, "many", 2):
+        modes = posted(
+            api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES}
         )["id"]
         jobs.append({"campaign_id": campaign, "recipe": {**RECIPE, "mode_set": modes}})
     (single,) = results(api, jobs[:1])

@@ -97,7 +97,6 @@ def test_the_main_job_reads_well(lab: modalbase.Laboratory, uff: Path, tmp_path:
     header, line = str(table).splitlines()[-2:]
     assert header.split()[:4] == ["job", "verdict", "Ex", "[GPa]"]
     assert f" {result.parameters['Ex']['estimate'] / 1e9:.1f} " in line
-    assert job.report(tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
     with pytest.raises(modalbase.ClientError, match=r"report\.txt"):
         job.report(tmp_path / "report.txt")
     last = list(job.events())[-1]
@@ -331,11 +330,8 @@ def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory) -> None:
     assert angle.shape["walls"]["web"]["thickness_m"] == 0.004
     assert angle.inputs["thickness_sd_m"] == 5e-5
     assert project.structure("angle", create=True, **stated) == angle
-    free, clamped = (
-        {"boundary": boundary, "highest_hz": 300} for boundary in ("free", "cantilever")
-    )
-    plans = angle.plan([free, clamped], about="web.E1")
-    assert plans[0]["expected_sd"]["web.E1"] < plans[1]["expected_sd"]["web.E1"]
+    (plan,) = angle.plan([{"boundary": "free", "highest_hz": 300}], about="web.E1")
+    assert 0 < plan["expected_sd"]["web.E1"] < 0.3 * 23e9  # of the prior
     with pytest.raises(modalbase.ClientError, match="height"):
         project.structure("angle", create=True, **{**stated, "height_m": 0.09})
 

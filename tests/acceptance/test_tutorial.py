@@ -6,8 +6,8 @@ import json
 import re
 import shlex
 import shutil
-import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from runpy import run_path
 from unittest.mock import patch
@@ -19,9 +19,8 @@ import pytest
 from examples import make_tutorial
 from modalbase.formats.uff import Frf, GridPoint, read_file
 from service.app.supervisor import LocalService
-from tests.support.command import environment, modalbase_here, run_as_typed
+from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT
-from tests.support.waiting import PATIENCE
 
 PAGE = (ROOT / "docs" / "tutorial.md").read_text()
 FILES = ROOT / "examples" / "tutorial"
@@ -59,22 +58,18 @@ def printed(
         # of this tree nothing but the tests: the wheel's packages come first
         "PYTHONPATH": f"{unpacked}:{ROOT}",
     }
-    first, *others = blocks("sh")
-    lines = first.splitlines()
-    shown = [
-        run_as_typed(line, folder, **ours) for line in lines
-    ]  # as a shell does; the others in one process, as each imports for a while
-    more = "".join(others).splitlines()
+    first, *more = "".join(blocks("sh")).splitlines()
+    # as a shell does; the others in one process, as each imports for a while
+    shown = [run_as_typed(first, folder, **ours)]
     shown += json.loads(
         run_as_typed([sys.executable, "-c", COMMANDS], folder, json.dumps([ours, more]), **ours)
     )
     found = {
         line.split("--")[0].removeprefix("modalbase ").strip(): out
-        for line, out in zip(lines + more, shown, strict=True)
+        for line, out in zip([first, *more], shown, strict=True)
     }
     # what makes something makes it once
-    again = [line for line in more if line.split()[1] in MAKE]
-    for line in [*lines, *again]:
+    for line in [first, *(line for line in more if line.split()[1] in MAKE)]:
         modalbase_here(*shlex.split(line)[1:], cwd=folder, code=0, **ours)
     assert len(api.get("projects").json()["items"]) == 1
     assert (folder / "frf.pdf").read_bytes().startswith(b"%PDF")
@@ -125,55 +120,54 @@ def test_the_script_makes_the_files(tmp_path: Path) -> None:
     assert (tmp_path / "C3.csv").read_text() == (FILES / "C3.csv").read_text()
 
 
-# --- the README's script runs as it stands in a clone, and again
-# --------------------------------------------------------
+# --- the README's script and the notebook's run as they stand in a clone, one after the other
+# ---------------------------------------------------------------------------
 
 (SCRIPT,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+NOTEBOOK = (ROOT / "examples" / "notebook.py").read_text()
 
 
 @pytest.fixture
-def said(
+def run(
     service: LocalService,
     api: httpx.Client,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-    script: str,
-) -> str:
-    """What the script prints when it is run for the second time, if it gets through the first;
-    nothing stands in the folder but the clone.
-    """
+) -> Callable[[str], list[str]]:
+    """Runs a script in the clone, and gives the lines that it prints."""
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("MODALBASE_URL", service.url)
     monkeypatch.setenv("MODALBASE_API_KEY", api.headers["authorization"].split()[1])
-    for _ in range(1 + script.count("import_file")):
-        capsys.readouterr()
+
+    def lines(script: str) -> list[str]:
         names: dict[str, object] = {}
         exec(compile(script, "README.md", "exec"), names)
         names["lab"].connection.close()
-    (project,) = api.get("projects").json()["items"]
-    (beam,) = api.get(f"projects/{project['id']}/structures").json()["items"]
-    (march,) = api.get(f"structures/{beam['id']}/campaigns").json()["items"]
-    assert len(api.get(f"campaigns/{march['id']}/imports").json()["items"]) == script.count(
-        "import_file"
-    )
-    return capsys.readouterr().out
+        return capsys.readouterr().out.splitlines()
+
+    return lines
 
 
-@pytest.mark.parametrize("script", [SCRIPT])
-def test_the_script_of_the_readme_updates_a_beam(said: str) -> None:
+def test_the_scripts_of_readme_and_notebook_update_a_beam(
+    run: Callable[[str], list[str]], api: httpx.Client
+) -> None:
+    """What the first one made the second one finds."""
     assert len(SCRIPT.strip().splitlines()) <= 15
-    lines = said.splitlines()
+    lines = run(SCRIPT)
     assert lines[0].split(":")[0] in ("usable", "with care", "do not use")
     assert any(line.startswith("warning: ") for line in lines)
     names = [line.split()[0] for line in lines[-7:]]
     assert names == ["Ex", "Ey", "Gxy", "Gxz", "Gyz", "a0", "a1"]
+    assert len([line for line in NOTEBOOK.splitlines()[1:] if line.strip()]) <= 10
+    assert any(re.match("Ex +GPa", line) for line in run(NOTEBOOK))
+    (project,) = api.get("projects").json()["items"]
+    (beam,) = api.get(f"projects/{project['id']}/structures").json()["items"]
+    (march,) = api.get(f"structures/{beam['id']}/campaigns").json()["items"]
+    assert len(api.get(f"campaigns/{march['id']}/imports").json()["items"]) == 1
 
 
-@pytest.mark.parametrize(
-    "script", [SCRIPT.replace('campaign.import_file("examples/tutorial/beam.uff")\n', "")]
-)
-def test_it_says_in_a_line_why_a_job_failed(said: str) -> None:
-    (line,) = said.splitlines()
+def test_it_says_in_a_line_why_a_job_failed(run: Callable[[str], list[str]]) -> None:
+    (line,) = run(SCRIPT.replace('campaign.import_file("examples/tutorial/beam.uff")\n', ""))
     assert line.startswith("update failed: ")
     assert "has no FRFs" in line
 
@@ -203,50 +197,22 @@ def test_the_pictures_updated_model_lies_on_the_measurement(
         assert all(color.lower() in text.lower() for _, color, *_ in picture.CURVES)
 
 
-# --- the examples for a notebook run as they stand
-# ----------------------------------------------------------------------
-
-
-def test_an_update_without_the_service() -> None:
-    ended = subprocess.run(
-        [sys.executable, "-W", "error", "examples/core.py"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert ended.returncode == 0, ended.stderr
-    found = dict(re.findall(r"^(\w+) +([\d.e+-]+) ", ended.stdout, flags=re.MULTILINE))
+def test_an_update_without_the_service(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "argv", ["core.py"])
+    run_path("examples/core.py", run_name="__main__")
+    shown = capsys.readouterr()
+    found = dict(re.findall(r"^(\w+) +([\d.e+-]+) ", shown.out, flags=re.MULTILINE))
     assert float(found["Ex"]) == pytest.approx(31.66e9, rel=0.005)  # Table 4; the project's targets
     assert float(found["Gxy"]) == pytest.approx(6.30e9, rel=0.02)
     assert "Ey" not in found  # fixed
-    assert len(re.findall(r"^mode \d", ended.stdout, flags=re.MULTILINE)) == 5
-    assert "mode 3 (torsion): 399.28 Hz" in ended.stdout
-    assert "held-out points (5, 17, 29)" in ended.stdout
-    assert "rayleigh law is inadequate" in ended.stdout
-    assert "100 % done" in ended.stderr
-
-
-def test_the_main_job_in_ten_lines(service: LocalService, api: httpx.Client) -> None:
-    lines = [
-        line
-        for line in (ROOT / "examples" / "notebook.py").read_text().splitlines()
-        if line.strip() and not line.startswith('"""')
-    ]
-    assert len(lines) <= 10
-    key = api.headers["authorization"].split()[1]
-    ended = subprocess.run(
-        [sys.executable, str(ROOT / "examples" / "notebook.py")],
-        cwd=ROOT,
-        env=environment(MODALBASE_URL=service.url, MODALBASE_API_KEY=key),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert ended.returncode == 0, ended.stderr
-    assert re.search(r"^Ex +GPa", ended.stdout, flags=re.MULTILINE)
+    assert len(re.findall(r"^mode \d", shown.out, flags=re.MULTILINE)) == 5
+    assert "mode 3 (torsion): 399.28 Hz" in shown.out
+    assert "held-out points (5, 17, 29)" in shown.out
+    assert "rayleigh law is inadequate" in shown.out
+    assert "100 % done" in shown.err
 
 
 # --- the demonstration's file and the README's commands

@@ -3,11 +3,6 @@ dies over it; and the whole series as it was.
 """
 
 import json
-import os
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 
 import httpx
@@ -15,8 +10,9 @@ import psycopg
 import pytest
 
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
-from service.app.supervisor import LocalService, environment
+from service.app.supervisor import LocalService
 from service.platform.db.engine import psycopg_url
+from tests.integration.test_monitoring import look_after
 from tests.support.golden import check
 from tests.support.receivers import receiver, signature_holds
 from tests.support.rest import client_of, ok
@@ -35,19 +31,8 @@ MONITOR = {
 }
 TEMPERATURE = (15.0, 22.0, None, 9.0, 18.0, 25.0, 17.0, None)
 UNKNOWN = (2, 7)  # campaigns whose temperature nobody measured, in the baseline and after it
+WHO = "who looks after the stringer"  # and has nothing else
 LOOSE = 6  # first campaign with 4 % less stiffness
-
-
-@pytest.fixture
-def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    with new_service(
-        monitor_sweep_seconds=2.0,
-        webhook_networks="127.0.0.0/8",
-        webhook_ports="1-65535",
-        delivery_pause_seconds=0.1,
-        job_lease_seconds=2.0,
-    ) as running:
-        yield running
 
 
 def campaign(api: httpx.Client, structure: str, number: int) -> str:
@@ -64,43 +49,36 @@ def campaign(api: httpx.Client, structure: str, number: int) -> str:
     return post_campaign(api, structure, body, measured_frfs(state, number))
 
 
-@contextmanager
-def another_worker(service: LocalService) -> Iterator[subprocess.Popen[bytes]]:
-    """A worker in place of the one that was killed."""
-    settings = service.settings
-    process = subprocess.Popen(
-        [sys.executable, "-m", "service", "worker"], env=os.environ | environment(settings)
-    )
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.wait()
-
-
-def kill_while_it_runs(
-    service: LocalService, worker: subprocess.Popen[bytes], kind: str, stored: str
-) -> None:
-    """SIGKILL to a worker in the middle of a job of this kind, whose result goes into the table
-    `stored`.
+def kill_while_it_judges(service: LocalService, project: str) -> None:
+    """SIGKILL to the worker in the middle of a judgement, whose result has to wait; another one is
+    started, and takes over at once what a lease would keep for half a minute.
     """
     running = (
-        "SELECT count(*) FROM jobs WHERE state = 'running' AND kind = %s AND stage <> 'starting'"
+        "SELECT count(*) FROM jobs WHERE state = 'running' AND kind = 'judge' AND project_id = %s"
+        " AND stage <> 'starting'"
     )
-    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
-        # its result has to wait, so it is not over
-        connection.execute(f"LOCK TABLE {stored} IN SHARE MODE")
+    silent = "UPDATE procrastinate_workers SET last_heartbeat = last_heartbeat - interval '1 day'"
+    url = psycopg_url(service.settings.database_url)
+    with psycopg.connect(url, autocommit=True) as beside, psycopg.connect(url) as holding:
+        holding.execute("LOCK TABLE monitor_series IN SHARE MODE")
         until(
-            lambda: connection.execute(running, [kind]).fetchone()[0],
-            f"a running job of kind {kind}",
+            lambda: beside.execute(running, [project]).fetchone()[0],
+            "a judgement that runs",
         )
-        worker.kill()
-        worker.wait()
+        service.processes["worker"].kill()
+        service.processes["worker"].wait()
+        beside.execute(silent)
+    lines: list[str] = []
+    until(
+        lambda: lines.extend(service.tend()) or "the worker runs again" in lines,
+        "another worker",
+        lambda: lines,
+    )
 
 
 def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService) -> None:
     """An alarm is stored and sent once, whoever dies; its series is the golden one."""
-    with receiver() as hook, client_of(service, "laboratory") as api:
+    with receiver() as hook, client_of(service, WHO) as api:
         project = ok(api.post("projects", json={"name": "bridge"}))["id"]
         structure = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]
         monitor = ok(
@@ -109,26 +87,24 @@ def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService)
         secret = ok(api.post("webhooks", json={"project": project, "url": hook.url}))["secret"]
         made = [campaign(api, structure, number) for number in range(len(TEMPERATURE))]
         ok(api.post(f"monitors/{monitor}/runs", json={}))
-        kill_while_it_runs(service, service.processes["worker"], "judge", "monitor_series")
-        with another_worker(service):
-            until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm")
-            until(lambda: hook.got, "the message")
-            check_series(api, monitor, made)
-            acknowledge(api, monitor)
-            until(
-                lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "acknowledged",
-                "the acknowledgement",
-            )
-            hook.wait_for(2)
-            documents = {
-                "series": ok(api.get(f"monitors/{monitor}/series")),
-                "monitor": ok(api.get(f"monitors/{monitor}")),
-                "alarms": ok(api.get("alarms")),
-                "figure": ok(
-                    api.get(f"monitors/{monitor}/series/figure", params={"parameter": "Ex"})
-                ),
-            }
-            jobs = ok(api.get("update-jobs"))["items"]
+        kill_while_it_judges(service, project)
+        until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm")
+        until(lambda: hook.got, "the message")
+        check_series(api, monitor, made)
+        acknowledge(api, monitor)
+        look_after(service, monitor)
+        until(
+            lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "acknowledged",
+            "the acknowledgement",
+        )
+        hook.wait_for(2)
+        documents = {
+            "series": ok(api.get(f"monitors/{monitor}/series")),
+            "monitor": ok(api.get(f"monitors/{monitor}")),
+            "alarms": ok(api.get("alarms")),
+            "figure": ok(api.get(f"monitors/{monitor}/series/figure", params={"parameter": "Ex"})),
+        }
+        jobs = ok(api.get("update-jobs"))["items"]
     assert len(jobs) == len(TEMPERATURE)
     assert {job["status"] for job in jobs} == {"succeeded"}
     assert [event["type"] for event in hook.events()] == ["alarm.raised", "alarm.acknowledged"]
@@ -180,7 +156,7 @@ def acknowledge(api: httpx.Client, monitor: str) -> None:
     assert (seen["state"], seen["note"], seen["acknowledged_by"]) == (
         "acknowledged",
         "bolt 3 was loose",
-        "laboratory",
+        WHO,
     )
     assert [step["event"] for step in seen["history"]] == ["raised", "acknowledged"]
     assert api.post(f"alarms/{alarm['id']}/acknowledge", json={"note": "again"}).status_code == 409

@@ -246,6 +246,11 @@ class Round:
             self._ask_administrator(name, caller, body)
             return
         named, outside = "{" in name, self.long or caller.may_most
+        if caller.administrator and not self.long:  # elsewhere as anybody, by the owner's lines
+            if named:
+                foreign = self._ask(name, caller, self.foreign, body)
+                self._expect(name, caller, "foreign", foreign, {404})
+            return
         if named and outside:
             random, foreign = (
                 self._ask(name, caller, ids, body) for ids in (self.random, self.foreign)

@@ -136,9 +136,9 @@ def _responses(file: str = "deck.npz", seed: int = 1, first_hz: float = 3.0) -> 
 
 
 def _days() -> dict[str, Any]:
-    """Recordings of eight nights; from the seventh on the first mode is 5 % lower."""
+    """Recordings of seven nights; in the last one the first mode is 5 % lower."""
     Path("days").mkdir()
-    for day in range(1, 9):
+    for day in range(1, 8):
         _responses(f"days/night_{day}.npz", day, 3.0 if day < 7 else 2.85)
     return {}
 
@@ -177,14 +177,31 @@ def _hour() -> dict[str, Any]:
     return {}
 
 
+def _profile() -> dict[str, Any]:
+    from tests.support.profiles import i_profile
+
+    Path("i.uff").write_bytes(i_profile())
+    return {}
+
+
+def _bracket() -> dict[str, Any]:
+    from tests.support.profiles import deck, measured
+
+    Path("angle.uff").write_bytes(measured())
+    Path("bracket.inp").write_bytes(deck(1e-3))
+    return {}
+
+
 AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
     "docs/ambient.md": _responses,
     "docs/coupons.md": _coupon,
     "docs/hammer.md": _hits,
+    "docs/i-profile.md": _profile,
     "docs/loads.md": _shaken,
     "docs/modes.md": _measured,
     "docs/jobs.md": _long,
     "docs/monitoring-charts.md": _months,
+    "docs/own-model.md": _bracket,
     "docs/recordings-that-come.md": _hour,
     "docs/watched-footbridge.md": _days,
 }
