@@ -336,8 +336,7 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(
     assert cut["shrinks_most"] == "web.E2"
     # one more piece than five
     assert cut["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)
-    # Of the same material, as far as walls of one are alike: its scatter has a prior with long
-    # tails.
+    # as far as walls of one material are alike
     assert cut["expected_sd"]["flange.E2"] < 0.85 * plan["known_sd"]["flange.E2"]
     assert cut["expected_sd"]["flange.G12"] == pytest.approx(plan["known_sd"]["flange.G12"])
     assert len(free["points_m"]) == 6

@@ -196,40 +196,6 @@ def test_a_file_that_cannot_be_read_is_said_with_its_place(
     assert says in error["errors"][0]["detail"]
 
 
-@pytest.mark.parametrize("name", ["first.npz", "first.json"])
-def test_time_blocks_of_a_script_keep_the_name_that_it_states(
-    api: httpx.Client, campaign: str, name: str
-) -> None:
-    query = {"filename": name, "mapping": json.dumps(MAPPING)}
-    if name.endswith("npz"):
-        answer = api.post(
-            f"campaigns/{campaign}/records",
-            content=written("npz", hits()),
-            params=query,
-            headers=RAW,
-        )
-    else:
-        body = {
-            "variables": {key: array.tolist() for key, array in hits().items()},
-            "mapping": MAPPING,
-        }
-        answer = api.post(f"campaigns/{campaign}/records", json=body, params={"filename": name})
-    assert {item["filename"] for item in ok(answer, 201)["items"]} == {name}
-
-
-def test_a_mapping_may_be_a_field_of_the_form(
-    api: httpx.Client, campaign: str, finished: Finished
-) -> None:
-    files = {"file": ("hits.bin", written("npz", hits()))}
-    answer = api.post(
-        f"campaigns/{campaign}/imports", files=files, data={"mapping": json.dumps(MAPPING)}
-    )
-    assert ok(answer, 202)["mapping"] == MAPPING
-    assert finished(answer.headers["Location"])["counts"]["records"] == 6
-    broken = api.post(f"campaigns/{campaign}/imports", files=files, data={"mapping": "{"})
-    assert ok(broken, 422)["errors"][0]["pointer"] == "mapping"
-
-
 def test_the_same_bytes_are_read_again_by_another_mapping_or_for_a_script(
     api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]]
 ) -> None:

@@ -19,6 +19,7 @@ from tests.support.furnished import frfs
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok
 
+Asked = tuple[httpx.Client, dict[str, str]]
 CAMPAIGN = {"boundary": "free", "temperature_c": 20.0}
 
 
@@ -29,7 +30,7 @@ def labelled(api: httpx.Client, service: LocalService) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def asked(service: LocalService) -> Iterator[tuple[httpx.Client, dict[str, str]]]:
+def asked(service: LocalService) -> Iterator[Asked]:
     """The same for those who only ask, and a client of their owner."""
     with client_of(service, f"labels {uuid4()}") as client:
         yield client, made_labelled(client, service)
@@ -92,9 +93,7 @@ QUESTIONS = [
 ]
 
 
-def test_a_filter_asks_for_tags_and_metadata(
-    asked: tuple[httpx.Client, dict[str, str]],
-) -> None:
+def test_a_filter_asks_for_tags_and_metadata(asked: Asked) -> None:
     api, labelled = asked
     for condition, matches in QUESTIONS:
         query = {
@@ -126,9 +125,7 @@ def test_what_a_filter_cannot_ask_is_refused(api: httpx.Client) -> None:
     assert "has no order" in answer.json()["errors"][0]["detail"]
 
 
-def test_labels_are_columns_of_every_format(
-    asked: tuple[httpx.Client, dict[str, str]],
-) -> None:
+def test_labels_are_columns_of_every_format(asked: Asked) -> None:
     api, labelled = asked
     fields = "name,tag,meta.client,meta.wind"
     query = {
@@ -177,9 +174,7 @@ def test_frfs_and_results_take_labels(
     assert stale.status_code == 412
 
 
-def test_labels_that_cannot_be_are_refused(
-    asked: tuple[httpx.Client, dict[str, str]],
-) -> None:
+def test_labels_that_cannot_be_are_refused(asked: Asked) -> None:
     api, labelled = asked
     path = f"structures/{labelled['structure']}/campaigns"
     bodies: list[dict[str, Any]] = [
@@ -274,7 +269,7 @@ def test_a_schema_that_cannot_be_is_refused(api: httpx.Client, project: str) -> 
 
 
 def test_others_learn_nothing_of_labels(
-    asked: tuple[httpx.Client, dict[str, str]], new_client: Callable[[], httpx.Client]
+    asked: Asked, new_client: Callable[[], httpx.Client]
 ) -> None:
     (_, labelled), stranger = asked, new_client()
     for condition in (

@@ -313,25 +313,6 @@ def test_without_joints_the_decks_own_solver_agrees(api: httpx.Client, bare: str
     np.testing.assert_allclose(ratios[numbers], ours, rtol=0.002)
 
 
-def test_a_strip_has_no_joints_to_leave_out(api: httpx.Client, project: str) -> None:
-    flat = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
-    material = {
-        "Ex_Pa": 3e10,
-        "Ey_Pa": 9e9,
-        "Gxy_Pa": 3e9,
-        "Gxz_Pa": 3e9,
-        "Gyz_Pa": 3e9,
-        "nu_xy": 0.3,
-    }
-    strip = {"name": "strip", "geometry": flat, "density_kg_m3": 1850, "material": material}
-    structure = ok(api.post(f"projects/{project}/structures", json=strip), 201)["id"]
-    campaign = ok(
-        api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201
-    )["id"]
-    problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={"junctions": "off"}), 422)
-    assert "a strip or plate has none" in problem["errors"][0]["detail"]
-
-
 def test_points_off_the_model_are_listed_also_at_import_and_it_has_no_edges_to_clamp(
     api: httpx.Client, bare: str
 ) -> None:

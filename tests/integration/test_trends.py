@@ -185,22 +185,14 @@ def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
     last alone.
     """
     campaigns = ok(api.get(f"structures/{bridge}/campaigns", params={"limit": 100}), 200)["items"]
-    batches = [campaigns, campaigns[-1:]]
-    jobs = [
-        (month, job)
-        for batch in batches
-        for month, job in enumerate(
-            ok(
-                api.post("update-jobs", json={"jobs": [{"campaign_id": c["id"]} for c in batch]}),
-                202,
-            )["items"],
-            MONTHS - len(batch),
-        )
-    ]
-    for _, job in jobs:
+    jobs = []
+    for batch in (campaigns, campaigns[-1:]):
+        body = {"jobs": [{"campaign_id": one["id"]} for one in batch]}
+        jobs += ok(api.post("update-jobs", json=body), 202)["items"]
+    for job in jobs:
         api.post(f"update-jobs/{job['id']}/cancel")
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
-        for month, job in jobs:
+        for month, job in zip([*range(MONTHS), MONTHS - 1], jobs, strict=True):
             row = parameter("flange.E1", 30e9 * factor(month))
             document = {
                 "version": VERSION,

@@ -10,7 +10,7 @@ from hypothesis.strategies import SearchStrategy
 
 T = TypeVar("T")
 STRANGE = "aE1 _.,;:%'\"\\()[]<>=+-*/\x00\n\u202eäµ中😀"
-"""Characters of texts that nobody meant; hypothesis takes seconds to list all that there are."""
+"""Of texts that nobody meant; to list every character takes hypothesis seconds."""
 
 
 def long(*values: Any) -> ParameterSet:
