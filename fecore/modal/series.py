@@ -61,6 +61,7 @@ NEAR = 3.0
 """Half bandwidths on each side of a pole within which a misfit is its own."""
 
 _TOGETHER = 8  # candidates whose columns are made at a time, as they stay in the processor's cache
+_FOR_ONE = 10  # columns for each FRF from which the products of one FRF after another take less
 _SAME = 0.03  # summed half bandwidths within which a candidate is a pole that is there
 _STILL = 0.05  # correlation below which the sum ends
 _CAP = 3.0  # standard deviations
@@ -383,10 +384,19 @@ def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> F
     all FRFs.
     """
     q = basis.shape[1]
-    normal = np.zeros((q, q - first, len(weight)))
     # so many lines at a time, and one row of the matrices: their products stay in the cache
     step = max(1, 100_000 // max(q, 1))
-    for part in (slice(start, start + step) for start in range(0, len(basis), step)):
+    parts = [slice(start, start + step) for start in range(0, len(basis), step)]
+    if q > _FOR_ONE * len(weight):
+        each: FloatArray = np.zeros((len(weight), q, q - first))
+        for part in parts:
+            for own, root in zip(each, np.sqrt(weight[:, part]), strict=True):
+                scaled = stacked(basis[part], root)
+                own[:first] += scaled[:, :first].T @ scaled[:, first:]
+                own[first:] += scaled[:, first:].T @ scaled[:, first:]
+        return each
+    normal = np.zeros((q, q - first, len(weight)))
+    for part in parts:
         real, imag, across = (
             np.ascontiguousarray(each.T)
             for each in (basis[part].real, basis[part].imag, weight[:, part])

@@ -21,6 +21,7 @@ from fecore.modal.series import (
     columns,
     mean_weight,
     memory,
+    normal_columns,
     orthonormal,
     shared_error,
     spectrum,
@@ -453,6 +454,16 @@ def test_an_interval_allows_for_a_frequency_that_falls_with_the_amplitude(
     (off,), (sd,) = found.frequency_hz / hz - 1, found.frequency_sd_hz / hz
     assert off > 0.15 * first * zeta  # the fit is off by far more than the noise makes it
     assert sd / 2 < off < Z_95 * sd
+
+
+@pytest.mark.parametrize("frfs", [1, 20])
+def test_normal_matrices_are_those_of_each_frf_whether_few_or_many(frfs: int) -> None:
+    random = np.random.default_rng(3)
+    basis = (random.standard_normal((60, 22)) + 1j * random.standard_normal((60, 22))).T.copy().T
+    weight = random.uniform(0, 1, (frfs, 60))
+    expected = np.einsum("lq,nl,lp->nqp", basis.conj(), weight, basis).real
+    np.testing.assert_allclose(normal_columns(basis, weight), expected, atol=1e-12)
+    np.testing.assert_allclose(normal_columns(basis, weight, 9), expected[:, :, 9:], atol=1e-12)
 
 
 def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:
