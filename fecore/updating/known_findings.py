@@ -142,7 +142,7 @@ MODES = {
         7,
         "measured mode {which} agrees poorly with its partner, model mode {model} ({hz:.2f} Hz):"
         " MAC {mac:.2f}",
-        "check boundary, points and directions",
+        "check boundary, points and directions; use_shapes lets shapes choose too",
         link="campaign",
         subject="measured mode {which}",
     ),

@@ -142,6 +142,12 @@ OF_INP = {
     "constraint_of_type": Loss("a constraint of type {type} between nodes", True),
     "nodes_apart": Loss("{type} between nodes that are apart", True),
     "rot_node": Loss("the ROT NODE: supports and masses that act on it", True),
+    "moved_reference": Loss(
+        "the REF NODE moves to the centre of mass; here it stays where it is", True
+    ),
+    "node_normals": Loss(
+        "normals of their own behind the coordinates: those of the mesh are taken", True
+    ),
     "weights_by_distance": Loss("weights that fall with the distance: all are taken alike", True),
     "equation": Loss(
         "an equation between sets of several nodes, or with dofs above 6; write it node by node",

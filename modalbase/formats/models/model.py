@@ -280,7 +280,8 @@ class IncompleteError(FormatError):
         unread = [
             (
                 str(Where(each.lines[0], each.file)),
-                f"{each.card}: {each.loss}; this may be why the model is incomplete",
+                f"{each.card}: {each.loss}; this may be why the model is incomplete, and matrices of"
+                " its solver would have it",
             )
             for each in skipped
             if each.changes

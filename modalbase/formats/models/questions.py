@@ -88,7 +88,10 @@ def of_cards(model: FiniteElementModel) -> Iterator[Question]:
         if one.changes:
             where = f"{Where(one.lines[0], one.file)}: " if any(one.lines) else ""
             what = f"{where}{one.card} would be left out ({one.loss}), which changes modes"
-            yield Question("", what, (plain(one.card),), "takes the model without it")
+            effect = (
+                "takes the model without it; else send the matrices of its solver, which have it"
+            )
+            yield Question("", what, (plain(one.card),), effect)
 
 
 def of_size(model: FiniteElementModel, length: float = 1.0) -> Iterator[Question]:

@@ -104,6 +104,8 @@ class Constraints:
         reference = self._one(card.needs("REF NODE"), part, card)
         if card.get("ROT NODE"):
             self._report.note(card, "rot_node")
+        if card.get("POSITION").upper() not in ("", "INPUT"):
+            self._report.note(card, "moved_reference")
         for parameter, dofs in (
             ("ELSET", ALL_DOFS),
             ("NSET", ALL_DOFS),

@@ -197,6 +197,9 @@ class _InpReading:
             self._properties(part, axes)
         blocks = self._sections.joined()
         self._carried.complete()
+        for row in mesh.node_rows:
+            if row.text.count(",") > 3 and len(row.fields) > 4:
+                report.note(row, "node_normals")
         for element in mesh.elements:
             if element.type.loss:
                 report.lost(element.row, element.type.loss, element.type.changes)

@@ -283,6 +283,13 @@ def test_rigid_bodies_and_equal_dofs() -> None:
     ]
     assert all(link.equations is None for link in model.links)
     assert not model.ignored
+    centred = more.replace("REF NODE=8\n*E", "REF NODE=8, POSITION=CENTER OF MASS\n*E")
+    normal = centred.replace("0.05, 0.2\n", "0.05, 0.2, 0., 1., 0.\n")
+    noted = read(PLATE.replace("*STEP", normal + "*STEP", 1)).ignored
+    assert {(one.kind, one.changes) for one in noted} == {
+        ("moved_reference", True),
+        ("node_normals", True),
+    }
     sets = "*EQUATION\n2\nLEFT, 1, 1., LEFT, 2, -1.\n*EQUATION\n1\nLEFT, 3, 1.\n"
     model = read(PLATE.replace("*STEP", f"*NSET, NSET=LEFT\n1, 4\n{sets}*STEP", 1))
     assert [(s.nodes.tolist(), s.dofs) for s in model.supports] == [([0], (2,)), ([3], (2,))]
