@@ -233,13 +233,13 @@ class AffineMatrix:
 
     def about(self, nodes: IntArray) -> AffineMatrix:
         """The part of the elements that have one of some nodes, for forms."""
-        kept = [np.isin(group.nodes, nodes).any(axis=1) for group in self.groups]
-        groups = [
-            replace(g, nodes=g.nodes[at], which=g.which[at])
-            for g, at in zip(self.groups, kept, strict=True)
-        ]
-        slots = tuple(all_of[..., at] for all_of, at in zip(self.slots, kept, strict=True))
-        return replace(self, groups=tuple(groups), slots=slots)
+        groups, slots = [], []
+        for group, all_of in zip(self.groups, self.slots, strict=True):
+            at = np.isin(group.nodes, nodes).any(axis=1)
+            if at.any():
+                groups.append(replace(group, nodes=group.nodes[at], which=group.which[at]))
+                slots.append(all_of[..., at])
+        return replace(self, groups=tuple(groups), slots=tuple(slots))
 
     def everywhere(self, vectors: FloatArray) -> FloatArray:
         """(nodes, dofs of a node, m) motions of (size, m) vectors over the free dofs; nothing where

@@ -64,6 +64,16 @@ class Model:
         """
         return np.asarray(rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)][self.free])
 
+    @property
+    def is_one_body(self) -> bool:
+        """Whether the equations of its links have all rigid motions."""
+        motions = rigid_motions(self.mesh.nodes, self.links)
+        return not any(
+            motions[link.node][list(link.dofs)].any()
+            for link in self.links
+            if link.equations is not None
+        )
+
     @cached_property
     def unfolded(self) -> scipy.sparse.csr_array:
         """(6 × nodes, dofs) motion of every node, dependent ones too, by the free dofs."""

@@ -312,11 +312,11 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
 
 def supports(state: ForwardState, highest: int) -> list[Addition]:
     """The body's supports, each giving way along or about each axis in which it holds the body;
-    none of a body that moves.
+    none of a body that moves, or whose equations hold it too.
     """
     body, model = state.forward.specimen, state.forward.specimen.model
     structure = body.as_structure
-    if structure is None or state.modes.rigid:
+    if structure is None or state.modes.rigid or not model.is_one_body:
         return []
     several = len(structure.supports) > 1
     held = np.zeros((len(structure.supports), *model.free.shape), dtype=bool)

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from fecore.errors import ModelError
+from fecore.modes import MeasuredModes
 from fecore.updating.forecasts import ForecastOrder, forecast
+from fecore.updating.measurement import Measurement
+from fecore.updating.pipeline import update
 from service.platform.errors import Invalid
 from tests.support.imported import imported
 from tests.support.places import shared_file
@@ -338,6 +341,19 @@ def test_hinges_and_equations_as_a_beam_of_two_halves_has_them() -> None:
     np.testing.assert_allclose(first, second, rtol=1e-6)
     half = 1.8751**2 * np.sqrt(70000 * 13333.3 / (2.7e-9 * 400) / 500**4) / (2 * np.pi)
     np.testing.assert_allclose(first[:2], half, rtol=0.01)
+
+
+def test_a_lever_between_two_held_beams_is_updated() -> None:
+    """Its supports hold together with the equation, and some elements lie near none of them."""
+    more = "GRID,50,,0.,500.,0.\nGRID,51,,300.,500.,0.\nGRID,52,,600.,500.,0.\nSPC1,1,123456,50\n"
+    bars = "CBAR,60,1,50,51,0.,1.,0.\nCBAR,61,1,51,52,0.,1.,0.\nMPC,3,52,2,1.,11,2,2.\n"
+    model = imported("a.bdf", stick(more=more + bars).replace("SPC = 1\n", "SPC = 1\nMPC = 3\n"))
+    hz = forecast(model.body, ForecastOrder(modes=5)).finer_hz
+    assert hz is not None
+    points = {k + 1: (0.1 * k, 0.0, 0.0) for k in range(1, 11, 2)}
+    measured = Measurement(None, points, modes=MeasuredModes(hz * np.sqrt(1.08), np.full(5, 0.01)))
+    (E, *_) = update(measured, model.body).parameters
+    assert E.estimate == pytest.approx(1.08 * 7e10, rel=2e-3)
 
 
 def test_a_roller_askew_by_an_equation() -> None:
