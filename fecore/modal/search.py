@@ -85,7 +85,8 @@ a move of a tenth of a standard deviation.
 ENOUGH = 1.0
 """Decrease of χ² that a step is worth before the last round."""
 
-_MOST = 24  # combinations kept
+_MOST = 24  # combinations kept, and more while these leave so much of the power
+_LEFT = 0.005
 _SHORT = 0.02  # of the lines: a gap up to here is bridged for the search
 _FIRST = 2  # steps after which new poles are looked at
 _SMOOTHEST = 3.0  # lines that are worth one, at most: a mode that lacks makes a smooth residual too
@@ -188,11 +189,12 @@ def compress(arrangement: Arrangement, noise: FloatArray) -> tuple[Arrangement, 
 
 def _rank(value: FloatArray, columns: int) -> int:
     """Combinations above the noise: eigenvalues over twice the edge (1 + √(N/columns))² of those of
-    noise alone.
+    noise alone; at most as many as leave little of all power.
     """
     usual = float(np.median(value[len(value) // 2 :]))
     edge = 2 * usual * (1 + np.sqrt(len(value) / columns)) ** 2
-    return int(np.clip(np.sum(value > edge), 4, _MOST))
+    left = 1 - np.cumsum(value) / np.sum(value)
+    return int(np.clip(np.sum(value > edge), 4, max(_MOST, 1 + int(np.sum(left > _LEFT)))))
 
 
 def _bridged(arrangement: Arrangement) -> tuple[ComplexArray, BoolArray]:

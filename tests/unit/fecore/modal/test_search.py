@@ -7,11 +7,12 @@ import pytest
 
 from benchmarks.made_frfs import KINDS, Harsh
 from fecore.errors import IdentificationError
-from fecore.frf import Dof
+from fecore.frf import Dof, FrfSet
 from fecore.modal import identify
 from fecore.modal.arrangement import arrange, linear_poles, split_sides
 from fecore.modal.prepare import leakage, line_scatter
 from fecore.modal.refine import refine
+from fecore.modal.search import compress
 from fecore.modal.series import Terms
 from fecore.updating.misfit import residual_variance
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
@@ -52,6 +53,19 @@ def test_linear_stage_is_exact_on_clean_data_and_biased_on_noisy() -> None:
 
     assert first_damping(0.0) == pytest.approx(0.1556, rel=0.01)
     assert abs(first_damping(0.05) / 0.1556 - 1) > 0.05  # why the refinement is there
+
+
+def test_combinations_are_as_many_as_carry_the_modes() -> None:
+    """Forty modes, all about as strong: twenty-four combinations would leave a twentieth of them."""
+    random, hz = np.random.default_rng(1), np.arange(1.0, 801.0)
+    f = np.linspace(15, 790, 40)[:, None]
+    curves = hz**2 / (f**2 - hz**2 + 0.01j * f * hz)
+    white = 0.1 * random.standard_normal((200, 800, 2)) @ [1, 1j]
+    values = random.standard_normal((200, 40)) @ curves + white
+    points = tuple(Dof(n, 3) for n in range(1, 201))
+    arrangement = arrange(FrfSet(hz, values, points, (Dof(999, 3),) * 200))
+    few, _ = compress(arrangement, np.full(values.shape, 0.02))
+    assert 34 <= len(few.pairs) <= 40
 
 
 def test_noise_model_finds_both_parts() -> None:
