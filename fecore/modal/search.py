@@ -86,7 +86,7 @@ ENOUGH = 1.0
 """Decrease of χ² that a step is worth before the last round."""
 
 _MOST = 24  # combinations kept, and more while these leave so much of the power
-_LEFT = 0.005
+_LEFT = 0.005  # of all power, that combinations which are not kept may hold
 _SHORT = 0.02  # of the lines: a gap up to here is bridged for the search
 _FIRST = 2  # steps after which new poles are looked at
 _SMOOTHEST = 3.0  # lines that are worth one, at most: a mode that lacks makes a smooth residual too

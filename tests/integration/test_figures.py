@@ -17,6 +17,7 @@ import psycopg
 import pytest
 
 from service.app.supervisor import LocalService
+from service.pages.numbers import minus
 from tests.support.laboratory import Done
 from tests.support.rest import finished, ok, plain_client, result_of, session_client
 
@@ -397,7 +398,7 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     ]
     for words in sentences:
         shown = " ".join(words[:1].upper() + words[1:] for words in (words, "")).strip()
-        assert words in page.text or shown in page.text, words
+        assert minus(words) in page.text or minus(shown) in page.text, words
     # every figure but the stabilisation diagram and that of the parameters, which is their table
     assert page.text.count(FIGURE) == 15
     before_data, _, _ = page.text.partition(">Data<")

@@ -17,6 +17,7 @@ from service.figures.modes import chains, joined, joined_as
 from service.nouns.updates.result_schemas import FindingOut
 from service.pages.comparing import _told_apart, leaves
 from service.pages.findings import MOST, PLACES, bar, opening
+from service.pages.numbers import minus
 
 GRID = np.array([(0.045 * i, 0.02 * j, 0.0) for i in range(11) for j in range(3)])
 
@@ -149,7 +150,7 @@ def test_alike_findings_are_one_step_that_names_them() -> None:
         "verdict": {"reasons": [TURNED.text, other.text]},
     }
     steps, notes = opening(made)
-    assert [step.text for step in steps] == [f"{folded}"]
+    assert [step.text for step in steps] == [minus(folded)]
     assert notes == []
 
 
