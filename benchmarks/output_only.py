@@ -20,6 +20,7 @@ from fecore.signal import half_spectra
 RATE, SECONDS, OVER, POINTS, SENSORS = 256.0, 600.0, 4, 33, 8
 TOP = 0.98 * RATE / 2.56
 NOISE, HUM, DRIFT, BITS = 0.02, 0.01, 0.05, 16
+_NO_PAIR = 1e3  # cost of a mode and a pole that is not it
 STRONG = 0.01  # share of the power from which a mode has to be found
 
 
@@ -106,26 +107,22 @@ def output_only(sets: int = 40, first: int = 1000) -> list[str]:
         modes = found.identification.modes
         assert modes.frequency_sd_hz is not None
         assert modes.damping_sd is not None
-        seen = set[int]()
-        for k, hz in enumerate(modes.frequency_hz):
-            off = np.abs(f - hz) / (3 * modes.frequency_sd_hz[k] + f * zeta)
-            nearest = int(np.argmin(off))
-            if off[nearest] < 1 and nearest not in seen:
-                seen.add(nearest)
-                if not _close(f, zeta, nearest):
-                    errors = hz - f[nearest], modes.damping_ratio[k] - zeta[nearest]
-                    z.append(
-                        (errors[0] / modes.frequency_sd_hz[k], errors[1] / modes.damping_sd[k])
-                    )
-            else:
-                false += 1
+        off = np.abs(f[:, None] - modes.frequency_hz)
+        off /= 3 * modes.frequency_sd_hz + (f * zeta)[:, None]
+        pairs = scipy.optimize.linear_sum_assignment(np.where(off < 1, off, _NO_PAIR))
+        own = {int(n): int(k) for n, k in zip(*pairs, strict=True) if off[n, k] < 1}
+        false += len(modes) - len(own)
+        for n, k in own.items():
+            if not _close(f, zeta, n):
+                errors = modes.frequency_hz[k] - f[n], modes.damping_ratio[k] - zeta[n]
+                z.append((errors[0] / modes.frequency_sd_hz[k], errors[1] / modes.damping_sd[k]))
         wanted = [k for k in range(f.size) if f[k] < TOP and share[k] > STRONG]
         unsure = found.identification.doubtful
         near = np.empty(0) if unsure is None else unsure.modes.frequency_hz
         missed = [
             k
             for k in wanted
-            if k not in seen and not np.any(np.abs(near - f[k]) < 2 * f[k] * zeta[k])
+            if k not in own and not np.any(np.abs(near - f[k]) < 2 * f[k] * zeta[k])
         ]
         strong, lost = strong + len(wanted), lost + len(missed)
         close += sum(_close(f, zeta, k) for k in missed)

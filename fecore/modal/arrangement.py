@@ -34,6 +34,7 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet, Quantity
+from fecore.signal.block_spectra import BlockSpectra
 from fecore.signal.half_spectra import reference_of
 
 if TYPE_CHECKING:
@@ -106,6 +107,7 @@ class Arrangement:
     fixed: tuple[Dof, ...]  # m dofs against which they are measured
     row: IntArray  # (N, 2) index into `roving` and into `fixed` of each FRF
     source: IntArray  # (N,) number of each FRF among those handed in, set after set
+    blocks: BlockSpectra | None = None  # of the one recording whose half spectra these are
 
     @cached_property
     def omega(self) -> FloatArray:
@@ -154,6 +156,7 @@ class Arrangement:
             measured=have > 0,
             variance=means(self.variance[:, lines], mean) / mean,
             growth=means(self.growth[:, lines], mean),
+            blocks=self.blocks if mean == 1 else None,
         )
 
     def without(self, rows: Sequence[int]) -> Arrangement:

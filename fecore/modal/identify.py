@@ -53,6 +53,7 @@ from fecore.modal.search import (
 from fecore.modal.series import DAMPING_RANGE, Terms, one_minus_leverage, shared_error
 from fecore.modal.shapes import Shapes, of_rank_two, separate_close_modes, shapes_from_residues
 from fecore.modes import MeasuredModes
+from fecore.signal.block_spectra import BlockSpectra
 
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 Report = Callable[[str, float], None]
@@ -112,6 +113,7 @@ def identify(
     frfs: FrfSet | Sequence[FrfSet],
     options: Options | None = None,
     report: Report = lambda _stage, _share: None,
+    blocks: BlockSpectra | None = None,
 ) -> Identification:
     """Natural frequencies, damping ratios and shapes of all modes in the band, with their
     covariance and probability.
@@ -139,6 +141,7 @@ def identify(
         options: band, order, number of modes and threshold; defaults suit an unattended run.
         report: called often with the step and the share of the work that is done; what it raises
             ends the run.
+        blocks: of the half spectra of one recording, whose pairs the FRFs are in turn.
 
     Raises:
         InputError: the FRFs or options cannot be read as such.
@@ -149,6 +152,7 @@ def identify(
     # 1. Prepare.
     report("screening the FRFs", 0.0)
     prepared = prepare(frfs, options.band_hz)
+    prepared = replace(prepared, arrangement=replace(prepared.arrangement, blocks=blocks))
     stated = options.stated(prepared.arrangement)
     # 2. Divide.
     screened, full = time.perf_counter(), False

@@ -12,6 +12,10 @@ shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a large
 reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest.
 growth  g = √(Σ|ΔR|²/Σ|R|²), ΔR what R changes by, beyond noise, in hits harder by one standard deviation of ln of their height.
 
+repeat  t = m/sd m, m = Σ_b w_b Re R̄_bᴴR_b, of half spectra of one recording's blocks b: R_b the residues of block b at the same
+        poles, R̄_b their mean over the other blocks. No weight: it keeps a pole beside a better one in the fit. Of several
+        recordings it is not known: a drift makes poles twice in each block.
+
 Shape and reach need four FRFs. A delay d of a channel turns the phase of residues by -ωd, and a
 wrong quantity by 90°: both are found first, from the strong poles.
 
@@ -47,8 +51,8 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.series import BESIDE, NEAR, Terms
+from fecore.modal.arrangement import CLEAR, FEW, Arrangement
+from fecore.modal.series import BESIDE, NEAR, ONE, Terms
 
 if TYPE_CHECKING:
     from fecore.modal.refine import LinearFit
@@ -113,7 +117,7 @@ class Growth:
 class Evidence:
     """Features of n poles, NaN where the set cannot give one."""
 
-    # phase, rise, share, damping, apart, shape, reach, growth: (n,) see above
+    # phase, rise, share, damping, apart, shape, reach, growth, repeat: (n,) see above
     phase: FloatArray
     rise: FloatArray
     share: FloatArray
@@ -122,6 +126,7 @@ class Evidence:
     shape: FloatArray
     reach: FloatArray
     growth: FloatArray
+    repeat: FloatArray
     # (n,) number of the larger pole that it is nearest to; any where there is none
     neighbour: IntArray
     # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
@@ -208,6 +213,7 @@ def evidence_of(arrangement: Arrangement, fit: LinearFit, growth: Growth | None 
         shape=shape,
         reach=_reach(residues),
         growth=np.full(terms.pairs, np.nan) if growth is None else growth.residue,
+        repeat=_repeat(arrangement, fit),
         neighbour=_largest(curves),
         twin=twin,
         trend=trend,
@@ -329,6 +335,25 @@ def _curves(terms: Terms, height: FloatArray) -> FloatArray:
     """(n, n) C of the resonance curves of each pole and each larger one, 0 of others."""
     alike = curves_alike(terms.poles, terms.poles)
     return np.asarray(np.where(height[None, :] > height[:, None], alike, 0.0))
+
+
+def _repeat(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
+    """(n,) t, NaN where no blocks are known."""
+    n, linear, blocks = fit.terms.pairs, fit.linear, arrangement.blocks
+    if blocks is None:
+        return np.full(n, np.nan)
+    background = np.broadcast_to(fit.background, arrangement.values.shape)
+    place = np.searchsorted(blocks.frequency_hz, arrangement.frequency_hz * (1 - 1e-9))
+    own = blocks.blocks.reshape(blocks.weights.size, -1, blocks.frequency_hz.size)
+    own = (own[:, arrangement.source][..., place] - background) * fit.weights.root
+    c = np.ascontiguousarray(own).view(np.float64) @ linear.scaled @ linear.turn @ linear.turn.T
+    residues = c[..., 0 : 2 * n : 2] + 1j * c[..., 1 : 2 * n : 2]
+    weight = blocks.weights[:, None, None]
+    others = (np.sum(weight * residues, axis=0) - weight * residues) / (1 - weight)
+    each, share = np.einsum("gik,gik->gk", others.conj(), residues).real, weight[:, 0]
+    mean, groups = np.sum(share * each, axis=0), len(share)
+    variance = groups / (groups - 1) * np.sum(share**2 * (each - mean) ** 2, axis=0)
+    return np.asarray(mean / np.sqrt(np.maximum(variance, np.finfo(float).tiny)))
 
 
 def _largest(alike: FloatArray) -> IntArray:
@@ -522,12 +547,14 @@ def no_mode_message(arrangement: Arrangement, refused: tuple[RefusedPole, ...], 
 
 
 def spurious(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
-    """(n,) poles in band that are rather no modes and overlap one that is, and poles hardly apart
-    from a larger one.
+    """(n,) poles in band that are rather no modes, do not come again in each block of a recording,
+    and overlap one that is; and poles hardly apart from a larger one.
     """
     evidence, terms = evidence_of(arrangement, fit), fit.terms
     good = probability(evidence, terms.damping_ratio) >= 0.5
     width = terms.half_bandwidth_hz
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
     beside = arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1)
-    return np.asarray((~good & beside) | (evidence.apart < _ONE))
+    # nearer ones may be one mode, or two shapes that the references see under one pole
+    once = ~(evidence.repeat > CLEAR) | (apart[:, good] < ONE).any(axis=1)
+    return np.asarray((~good & once & beside) | (evidence.apart < _ONE))

@@ -192,7 +192,8 @@ def _by_blocks(
     """What the FRFs of recordings show, and its poles with the covariance that the scatter of the
     blocks shows, without the window's rate.
     """
-    identification = identify(frfs, options, report)
+    half = [each for each in recordings if isinstance(each, HalfSpectra)]
+    identification = identify(frfs, options, report, half[0] if len(half) == 1 else None)
     covariance = scatter_of_blocks(identification, recordings)
     rate = recordings[0].window_rate_per_s
     return identification, without_window(identification.found.modes, covariance, rate)

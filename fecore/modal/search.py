@@ -116,7 +116,8 @@ class CombinedFrfs:
     @classmethod
     def of(cls, arrangement: Arrangement, noise: FloatArray) -> CombinedFrfs:
         """FRFs with the variance (N, L) of their noise, and their combinations."""
-        return cls(arrangement, noise, *compress(arrangement, noise))
+        few, few_noise = compress(arrangement, noise)
+        return cls(arrangement, noise, replace(few, blocks=None), few_noise)
 
     def aligned(self, weight: FloatArray, terms: Terms, drift: FloatArray) -> CombinedFrfs:
         """The FRFs less what a (N,) drift makes of a series, by weights (N, L)."""
