@@ -40,6 +40,7 @@ from service.nouns.search.operations import Search, SearchQuery, bounded
 from service.nouns.search.routes import ModeTrend, OrderedDep, ResultTrend
 from service.nouns.updates.result_schemas import CONSTANTS
 from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.db.base import at_one_moment
 from service.platform.errors import Invalid
 
 Seconds = Annotated[float | None, Query(ge=0, le=1e9, allow_inf_nan=False)]
@@ -210,6 +211,7 @@ def get_series_figure(
     browser and notebooks, or SVG, PNG, PDF for print. Of many campaigns the lowest and the highest
     value of each of 400 pieces; `from` and `to` look closer.
     """
+    at_one_moment(session)
     monitor = monitor_for(session, user, monitor_id)
     version = series_for(session, monitor, series)
     watched = list(monitor.watch["directions"])

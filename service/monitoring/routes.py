@@ -42,6 +42,7 @@ from service.platform.access import (
     api_router,
 )
 from service.platform.access.nouns import NounRoutes
+from service.platform.db.base import at_one_moment
 from service.platform.errors import Invalid
 from service.platform.web import (
     IF_MATCH,
@@ -194,6 +195,7 @@ def get_series(
     """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and
     campaigns as marks. Of a long one every k-th campaign, unless a part of it is asked for.
     """
+    at_one_moment(session)  # a judgement may end meanwhile
     monitor = monitor_for(session, user, monitor_id)
     return series_document(session, monitor, monitors.series_for(session, monitor, series), part)
 
@@ -226,6 +228,7 @@ def get_series_rows(
     JSON and Infinity sources of Grafana read; or as Parquet, whose next page stands in the header
     `Link`.
     """
+    at_one_moment(session)
     monitor = monitor_for(session, user, monitor_id)
     version = monitors.series_for(session, monitor, series)
     names = [row["name"] for row in (version.document or {"parameters": ()})["parameters"]]

@@ -38,6 +38,7 @@ from service.pages.quantities import attributes
 from service.platform.access import CurrentUser, SessionDep, User, role_in
 from service.platform.access import routes as access
 from service.platform.access.keys import COOKIE, request_token
+from service.platform.db.base import at_one_moment
 from service.platform.errors import NotAcceptable, NotFound
 from service.platform.web.negotiation import choose_format
 from service.platform.web.parameters import not_modified
@@ -217,8 +218,7 @@ def _visit(request: Request, session: SessionDep, user: CurrentUser) -> Iterator
     """A page asks many times and shows one moment: a file that is read has its FRFs, or a browser
     would wait for them.
     """
-    session.commit()
-    session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+    at_one_moment(session)
     try:
         yield Visit(request, session, user)
     finally:

@@ -290,7 +290,8 @@ FILES: dict[str, Body] = {
             "quantity": To("mobility", status=404),
             "import_id": To("{import_id}", status=404),
             **DATA,
-            **SUPERSEDED,
+            # as FRFs of other lines may be among them
+            "superseded": To(True, beside={"format": "uff"}, ids={"campaign_id": "hits_id"}),
         }
     ),
     "GET /frfs/{frf_id}/data": Body(DATA, ids={"frf_id": "measured_frf_id"}),

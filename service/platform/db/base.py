@@ -74,6 +74,12 @@ def one_at_a_time(session: Session, key: str) -> None:
     session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(key, 0))))
 
 
+def at_one_moment(session: Session) -> None:
+    """Have all that the session reads from here on be of one moment; what it changed is kept."""
+    session.commit()
+    session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+
+
 def transaction_time(session: Session) -> datetime:
     """When the session's transaction began, by the database's clock: all rows that one transaction
     changes get the same time.
