@@ -2,7 +2,6 @@
 monitors.
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -35,6 +34,7 @@ from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.nouns.structures.operations import was_another
 from service.pages.look import Visit, VisitDep
+from service.pages.numbers import KEY
 from service.pages.tasks import cards_of
 from service.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
 from service.pages.viewer import has_mesh, marked, points_in_space, viewer_of
@@ -405,7 +405,7 @@ def get_monitor(
     document = monitoring.get_series(monitor_id, visit.session, visit.user, newest, series)
     shown_runs = monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items
     noted = [document, *document["parameters"]]
-    keys = {UUID(key) for each in noted for note in each["notes"] for key in _KEYS.findall(note)}
+    keys = {UUID(key) for each in noted for note in each["notes"] for key in KEY.findall(note)}
     keys.update(run.campaign_id for run in shown_runs)
     named = {str(key): row for key, row in campaigns_of(visit.session, [*keys]).items()}
     for each in noted:
@@ -434,9 +434,6 @@ def get_monitor(
         ),
         runs=shown_runs,
     )
-
-
-_KEYS = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 
 def _with_names(note: str, campaigns: Mapping[str, Any]) -> str:

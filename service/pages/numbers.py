@@ -19,6 +19,9 @@ UNITS_OF_MEMBERS = {**ENDINGS, **UNITS}
 """Unit of a member by the end of its name."""
 
 
+KEY = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+"""The key of a row, as text."""
+
 _MINUS = re.compile(r"(?<![\w.)-])-(?=\d)")
 
 

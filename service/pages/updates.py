@@ -4,7 +4,6 @@ result; and the next tests.
 Lists everywhere name update jobs by what they belong to.
 """
 
-import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,7 +36,7 @@ from service.nouns.updates.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.pages.findings import OF_FRFS, agreement, opening
 from service.pages.forms import OF_PARAMETER, fields_of
 from service.pages.look import Visit, VisitDep
-from service.pages.numbers import leaves, moment
+from service.pages.numbers import KEY, leaves, moment
 from service.pages.quantities import units_of_parameter
 from service.pages.viewer import viewer_of
 from service.platform.access import routes as access
@@ -183,6 +182,15 @@ def _choices(visit: Visit, within: Mapping[str, Any]) -> dict[str, list[tuple[st
     }
 
 
+def _recipe(visit: Visit, within: Mapping[str, Any], recipe: RecipeIn) -> list[tuple[str, str]]:
+    """What a recipe states, with mode set and coupon batch by name."""
+    rows = list(leaves(recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)))
+    if not any(KEY.fullmatch(value) for _, value in rows):
+        return rows
+    names = {key: name for each in _choices(visit, within).values() for key, name in each}
+    return [(name, names.get(value, value)) for name, value in rows]
+
+
 def _as_typed(row: Mapping[str, Any]) -> dict[str, Any]:
     """A parameter of a recipe as its form has it: values in the unit that the parameter is shown
     in.
@@ -239,7 +247,6 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         return visit.show("job.html", **common, ended=job.status in ENDED)
     row = update_job_for(visit.session, visit.user, job_id)
     result = result_document(visit.session, row)
-    names = {key: name for each in _choices(visit, within).values() for key, name in each}
     return _result(
         visit,
         common,
@@ -250,12 +257,7 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         viewer=_viewer(visit, campaign, job_id, result),
         of_frfs=OF_FRFS,
         agreement=agreement(result),
-        recipe=[
-            (name, names.get(value, value))
-            for name, value in leaves(
-                job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
-            )
-        ],
+        recipe=_recipe(visit, within, job.recipe),
         partners={
             pair["measured"]: pair["model"]
             for pair in (result.get("pairing") or {}).get("partners", [])
@@ -304,9 +306,6 @@ def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
             if value not in ("", "–")
         ],
     )
-
-
-KEY = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 
 def _origin(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:

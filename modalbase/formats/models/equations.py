@@ -4,6 +4,7 @@ on the others.
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,17 +64,12 @@ def _link(
     leaders = sorted(
         {term.node for equation in equations for term in equation.terms if term.factor} - {node}
     )
-    rows = np.zeros((len(equations), len(leaders) + 1, 6))  # the node's own terms last
+    place_of = {other: place for place, other in enumerate([*leaders, node])}
+    rows = np.zeros((len(equations), len(place_of), 6))
     for row, equation in zip(rows, equations, strict=True):
         for term in equation.terms:
-            place = (
-                len(leaders)
-                if term.node == node
-                else leaders.index(term.node)
-                if term.factor
-                else 0
-            )
-            row[place, term.dof] += term.factor
+            if term.factor:
+                row[place_of[term.node], term.dof] += term.factor
     A = rows[:, -1, dofs]
     if len(dofs) < len(equations) or not np.linalg.matrix_rank(A) == len(dofs):
         raise FormatError(
@@ -81,7 +77,7 @@ def _link(
             "begins with a dof that another equation begins with, or that they do not settle; the"
             " first term of each is what depends",
         )
-    matrices = np.zeros((len(leaders) + 1, 6, 6))
+    matrices = np.zeros((len(place_of), 6, 6))
     rows[:, -1, dofs] = 0
     matrices[:, dofs] = np.moveaxis(
         -np.linalg.solve(A, rows.reshape(len(A), -1)).reshape(rows.shape), 1, 0
@@ -89,11 +85,8 @@ def _link(
     for place, leader in enumerate(leaders):
         if leader in axes:
             matrices[place] = matrices[place] @ np.kron(np.eye(2), axes[leader])
-    own = axes.get(node)
-    plain = Link(node, tuple(leaders), tuple(dofs), where, axes=own)
-    if _is_rigid(plain, matrices, places):
-        return plain
-    return Link(node, tuple(leaders), tuple(dofs), where, axes=own, equations=matrices)
+    plain = Link(node, tuple(leaders), tuple(dofs), where, axes=axes.get(node))
+    return plain if _is_rigid(plain, matrices, places) else replace(plain, equations=matrices)
 
 
 def _is_rigid(link: Link, matrices: Floats, places: Floats) -> bool:

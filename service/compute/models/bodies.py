@@ -161,8 +161,8 @@ def orthotropic(material: Material) -> OrthotropicMaterial:
             **c,
             "nu12": c["nu"],
             **dict.fromkeys(("E1", "E2"), c["E"]),
-            "G12": c["E"]
-            / (2 * (1 + c["nu"])),  # G may differ from it, of decks that state all three
+            # G may differ from it, of decks that state all three
+            "G12": c["E"] / (2 * (1 + c["nu"])),
             **dict.fromkeys(("G13", "G23"), c["G"]),
         }
     return OrthotropicMaterial(
