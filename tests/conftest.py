@@ -30,7 +30,7 @@ from sqlalchemy import Engine, make_url
 
 from service.app.supervisor import LocalService
 from service.platform.access.keys import create_key, user_named
-from service.platform.db.engine import Sessions, make_engine, make_sessions
+from service.platform.db.engine import Sessions, make_engine, make_sessions, psycopg_url
 from service.platform.db.opening import embedded_server
 from service.platform.db.schema import upgrade
 from service.platform.settings import Settings
@@ -200,8 +200,31 @@ def new_service(new_database: Callable[[], str]) -> Callable[..., LocalService]:
     return make
 
 
+RUNNING = pytest.StashKey[LocalService]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """What the service was at when a test failed, whichever test had it do that."""
+    report = yield
+    if report.failed and (running := item.session.stash.get(RUNNING, None)) is not None:
+        ends = {name: process.poll() for name, process in running.processes.items()}
+        jobs = "SELECT id, kind, queue, state, stage, worker FROM jobs WHERE finished_at IS NULL"
+        try:
+            with psycopg.connect(psycopg_url(running.settings.database_url or "")) as connection:
+                lines = map(str, [ends, *connection.execute(jobs)])
+        except psycopg.Error as error:
+            lines = map(str, [ends, error])
+        report.sections.append(("the service's processes and jobs", "\n".join(lines)))
+    return report
+
+
 @pytest.fixture(scope="session")
-def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
+def service(
+    new_service: Callable[..., LocalService], request: pytest.FixtureRequest
+) -> Iterator[LocalService]:
     with new_service(
         log_level="warning",
         request_wait_seconds=600,  # what waits for its turn does so however slow the machine is
@@ -210,7 +233,9 @@ def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
         delivery_pause_seconds=0.05,
         campaign_settle_seconds=0.0,
     ) as running:
+        request.session.stash[RUNNING] = running
         yield running
+        del request.session.stash[RUNNING]
 
 
 @pytest.fixture(scope="session")

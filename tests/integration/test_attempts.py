@@ -3,6 +3,8 @@ and the end of one.
 """
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,11 +34,11 @@ from service.platform.queue.child import (
 from service.platform.queue.dispatch import begin_next, recover_stalled, recover_strays
 from service.platform.queue.kinds import JobKind
 from service.platform.queue.manager import Manager
-from service.platform.queue.process import LOST, ChildEnded
+from service.platform.queue.process import LOST, Child, ChildEnded, dismiss_children, preload
 from service.platform.queue.queue import request_cancel, retry
 from service.platform.queue.tables import Job
 from service.platform.settings import Settings
-from tests.support import job_kinds
+from tests.support import computations, job_kinds
 from tests.support.working import Gate, held, items, look, put, wait, worker
 
 NOTHING = "postgresql://nobody@127.0.0.1:1/nothing"
@@ -224,6 +226,24 @@ def begin(sessions: Sessions, *, silent_for: str = "0 s", count: int = 1) -> int
             job = begin_next(session, None, f"worker {worker_id}", None)
             assert queue_adapter.take(session, job, worker_id).id == job.ticket
     return worker_id
+
+
+def test_children_of_several_threads_each_end_for_their_own_reason() -> None:
+    """The status of a child can be read once, and whoever starts another one asks for it too."""
+    preload([computations.__name__], threads=1)
+
+    def end(_: int) -> str:
+        child = Child(Order(computations.crashing, {}, None, 1 << 30))
+        with closing(child), pytest.raises(ChildEnded) as ended:
+            list(child.messages())
+        return ended.value.failure.detail
+
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            ends = set(threads.map(end, range(100)))
+    finally:
+        dismiss_children()
+    assert ends == {"the computation crashed with SIGSEGV"}
 
 
 def test_a_ticket_names_its_job_from_the_queue_to_the_end(sessions: Sessions) -> None:

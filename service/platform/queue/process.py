@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from multiprocessing import forkserver
+from multiprocessing import connection, forkserver
 from typing import Any
 
 import psutil
@@ -37,6 +37,11 @@ SERVER_GONE = (
     # killed it too
     255
 )
+_asking = threading.Lock()
+"""Held while the status of a process is asked for, which multiprocessing does for all of them when
+one starts: the status can be read once, and a number of a file that was closed meanwhile may be
+that of another file.
+"""
 LOST = Failure("lost", "ForkServerDied", "the process that starts computations was killed")
 THREAD_COUNTS = (
     "OPENBLAS_NUM_THREADS",
@@ -122,7 +127,8 @@ class Child:
             target=run_child, args=(theirs, their_lifeline, order), daemon=True
         )
         try:
-            self._process.start()
+            with _asking:
+                self._process.start()
         # the fork server died meanwhile; there is another for the next attempt
         except (OSError, EOFError):
             self._channel.close()
@@ -165,16 +171,23 @@ class Child:
     def close(self) -> None:
         """Leave nothing behind."""
         self.kill(Failure("internal", "Closed", "no longer wanted"))
-        self._process.join()
-        self._process.close()
+        self._status()
+        with _asking:
+            self._process.close()
         self._channel.close()
         self._lifeline.close()
 
+    def _status(self) -> int:
+        """The exit status of the child, once it has ended."""
+        connection.wait([self._process.sentinel])
+        with _asking:
+            self._process.join()
+            return int(self._process.exitcode)
+
     def _post_mortem(self) -> Failure:
-        self._process.join()
+        status = self._status()
         if self._killed_for is not None:
             return self._killed_for
-        status = self._process.exitcode
         if status == SERVER_GONE:
             return LOST
         if status == -signal.SIGKILL:
