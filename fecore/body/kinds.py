@@ -18,10 +18,10 @@ def mode_kinds(model: Model, shapes: FloatArray) -> tuple[str, ...]:
     return largest(motion_shares(model, shapes))
 
 
-def largest(shares: Mapping[str, FloatArray]) -> tuple[str, ...]:
+def largest(fractions: Mapping[str, FloatArray]) -> tuple[str, ...]:
     """The name of the largest of the shares of each of n modes."""
-    names = tuple(shares)
-    return tuple(names[int(k)] for k in np.argmax(list(shares.values()), axis=0))
+    names = tuple(fractions)
+    return tuple(names[int(k)] for k in np.argmax(list(fractions.values()), axis=0))
 
 
 def motion_shares(model: Model, shapes: FloatArray) -> dict[str, FloatArray]:
@@ -80,7 +80,7 @@ def _of_sections(nodes: FloatArray, motion: FloatArray) -> dict[str, FloatArray]
     number = np.minimum(
         ((x - x.min()) / (np.ptp(x) or 1.0) * _SLICES).astype(np.int64), _SLICES - 1
     )
-    shares = np.zeros((5, count))  # along y, along z, turns, the rest, along x
+    fractions = np.zeros((5, count))  # along y, along z, turns, the rest, along x
     for k in range(_SLICES):
         own = number == k
         size = int(own.sum())
@@ -91,10 +91,12 @@ def _of_sections(nodes: FloatArray, motion: FloatArray) -> dict[str, FloatArray]
         arm = y @ y + z @ z
         turn = (y @ w - z @ v) / arm if arm else np.zeros(count)
         each = np.array([size * v.mean(axis=0) ** 2, size * w.mean(axis=0) ** 2, turn**2 * arm])
-        shares[:3] += each
-        shares[3] += np.sum(v**2 + w**2, axis=0) - each.sum(axis=0)
-        shares[4] += np.sum(u**2, axis=0)
-    return dict(zip(("bending y", "bending z", "torsion", "walls", "axial"), shares, strict=True))
+        fractions[:3] += each
+        fractions[3] += np.sum(v**2 + w**2, axis=0) - each.sum(axis=0)
+        fractions[4] += np.sum(u**2, axis=0)
+    return dict(
+        zip(("bending y", "bending z", "torsion", "walls", "axial"), fractions, strict=True)
+    )
 
 
 def _mirror(nodes: FloatArray) -> IntArray:

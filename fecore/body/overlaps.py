@@ -43,14 +43,14 @@ class Overlap:
     angles: FloatArray  # (k,) from the elements' axes 1 to the lines, rad
     turns: FloatArray  # (k,) how much of a right angle the corners are
 
-    def shares(self, shell: Shell, rule: Rule) -> FloatArray:
+    def overlap_fractions(self, shell: Shell, rule: Rule) -> FloatArray:
         """(k, p, p) the correction as forms of what the p points see times the roots of their
         weights.
         """
         if not len(self.elements):
             return np.zeros((0, len(rule[0]), len(rule[0])))
         chosen, which = distinct(np.minimum(self.ratio, 2.0))
-        return MOST * _shares(shell, rule, self.ratio[chosen])[which]
+        return MOST * _overlap_fractions(shell, rule, self.ratio[chosen])[which]
 
 
 def overlap_correction(
@@ -58,7 +58,7 @@ def overlap_correction(
 ) -> FloatArray:
     """(k, p, 2, n, 6) stretch and curvature along the lines, as far as an overlap goes."""
     shell = SHELLS[block.kind]
-    roots = _roots(overlap.shares(shell, shell.strain_rule))
+    roots = _roots(overlap.overlap_fractions(shell, shell.strain_rule))
     own = block.nodes[overlap.elements]
     axes = np.broadcast_to(
         axis if block.axes is None else block.axes[overlap.elements], (len(own), 3)
@@ -78,7 +78,7 @@ def kept(motions: Operators, block: CellBlock, overlap: Overlap) -> Operators:
     shell = SHELLS[block.kind]
     touched, place = np.unique(overlap.elements, return_inverse=True)
     left = np.tile(np.eye(motions.rows.shape[1]), (len(touched), 1, 1))
-    np.subtract.at(left, place.ravel(), overlap.shares(shell, shell.mass_rule))
+    np.subtract.at(left, place.ravel(), overlap.overlap_fractions(shell, shell.mass_rule))
     seen = motions.rows[motions.which[touched]]
     rows = (_roots(left) @ seen.reshape(*left.shape[:2], -1)).reshape(seen.shape)
     chosen, again = distinct(rows)
@@ -87,7 +87,7 @@ def kept(motions: Operators, block: CellBlock, overlap: Overlap) -> Operators:
     return replace(motions, which=which, rows=np.concatenate([motions.rows, rows[chosen]]))
 
 
-def _shares(shell: Shell, rule: Rule, ratio: FloatArray) -> FloatArray:
+def _overlap_fractions(shell: Shell, rule: Rule, ratio: FloatArray) -> FloatArray:
     """(k, p, p) forms of elements, from their (k, corners) distances by those up to which they
     overlap.
     """

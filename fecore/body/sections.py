@@ -235,8 +235,8 @@ class ShellSection:
     def _levels(self, t: FloatArray) -> FloatArray:
         """(n + 1, …) heights of the plies' faces."""
         thicknesses = np.array([ply.thickness for ply in self.plies])
-        shares = np.concatenate([[0.0], np.cumsum(thicknesses)]) / thicknesses.sum() - 0.5
-        return np.asarray(shares.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset)
+        fractions = np.concatenate([[0.0], np.cumsum(thicknesses)]) / thicknesses.sum() - 0.5
+        return np.asarray(fractions.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset)
 
     def stiffness(
         self, constants: Mapping[str, FloatArray]

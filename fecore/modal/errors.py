@@ -84,7 +84,7 @@ def error_model(
     """What is known of the errors of a fit: from its residual, its tests, what all FRFs share, the
     change under other weights, and what harder hits change.
     """
-    information = _by_test(arrangement, fit.shares)
+    information = _by_test(arrangement, fit.by_frf)
     whole = np.maximum(information.sum(axis=0), np.finfo(float).tiny)
     return ErrorModel(
         memory=fit.residual_memory,

@@ -235,7 +235,7 @@ def scatter_of_blocks(identification: Identification, setups: Sequence[BlockSpec
     deviations = _deviations(identification, setups)
     information = np.zeros((len(setups), 2 * n, 2 * n))
     moved = np.zeros((2 * n, sum(setup.weights.size for setup in setups)))
-    missed = np.zeros((len(setups), 2 * n))
+    score = np.zeros((len(setups), 2 * n))
     which = np.tile(np.arange(n), 2)
     for row, (weight, curve) in enumerate(zip(root, identification.predicted, strict=True)):
         off = np.where(measured[row], identification.measured[row] - curve, 0.0)
@@ -250,31 +250,31 @@ def scatter_of_blocks(identification: Identification, setups: Sequence[BlockSpec
         number, place, blocks = deviations[row]
         information[number] += slope.T @ slope
         moved[:, place] += slope.T @ stacked(blocks.T, weight)
-        missed[number] += slope.T @ residual
+        score[number] += slope.T @ residual
     hz = identification.found.modes.frequency_hz
     own = [int(np.argmin(np.abs(terms.frequency_hz - each))) for each in hz]
     both = np.array([*own, *(n + k for k in own)])
     each = np.linalg.lstsq(information.sum(axis=0), moved, rcond=None)[0][both]
     each *= np.tile(np.concatenate([_factors(setup, hz) for setup in setups], axis=1), (2, 1))
     covariance: FloatArray = each @ each.T
-    covariance[: len(own), : len(own)] += _drift_variance(information, missed, own)
+    covariance[: len(own), : len(own)] += _drift_variance(information, score, own)
     scale = np.concatenate([hz, np.ones(len(own))])
     return covariance * np.outer(scale, scale)
 
 
-def _drift_variance(information: FloatArray, missed: FloatArray, own: list[int]) -> float:
+def _drift_variance(information: FloatArray, score: FloatArray, own: list[int]) -> float:
     """Variance of the mean of S setups' drifts, which all frequencies have in common: the mean
     square of what ln f of the modes would have to change by in each, over S - 1.
 
     Args:
         information: (S, 2n, 2n) JᵀWJ of each setup.
-        missed: (S, 2n) JᵀW of each setup's residual.
+        score: (S, 2n) JᵀW of each setup's residual.
         own: places of the modes among the n poles.
     """
     if len(information) == 1:
         return 0.0
     diagonal = np.diagonal(information, axis1=1, axis2=2)[:, own]
-    drift = missed[:, own].sum(axis=1) / diagonal.sum(axis=1)
+    drift = score[:, own].sum(axis=1) / diagonal.sum(axis=1)
     return float(np.mean(drift**2)) / (len(drift) - 1)
 
 

@@ -274,7 +274,7 @@ class PoleFit(LinearFit):
     inside: FloatArray
     free: IntArray  # (m,) numbers of the poles that are refined, whose f and ζ are the parameters
     scores: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
-    shares: FloatArray  # (N, parameters) what each FRF adds to the diagonal of H
+    by_frf: FloatArray  # (N, parameters) what each FRF adds to the diagonal of H
     errors: ErrorModel | None = None  # what is known of them, beside their variance
 
     def with_errors(self, errors: ErrorModel) -> PoleFit:
@@ -468,7 +468,7 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
         products = products.reshape(len(turn), n, 2, n, 2)
         half = np.einsum("nkalb,nqlb->nkaql", products, turn)
         information = np.einsum("npka,nkaql->pkql", turn, half)
-        shares = np.einsum("npka,nkab,npkb->npk", turn, np.einsum("nkakb->nkab", products), turn)
+        by_frf = np.einsum("npka,nkab,npkb->npk", turn, np.einsum("nkakb->nkab", products), turn)
         score = real_part(weights.each * level.residual, steep.T)
     else:
         rows = own.T
@@ -477,14 +477,14 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
         pairs = (flat.T @ (weights.share[:, None] * flat)).reshape(2, n, 2, 2, n, 2)
         products = (own.T @ own).reshape(n, 2, n, 2)
         information = np.einsum("pkaqlb,kalb->pkql", pairs, products)
-        shares = np.einsum("npka,kab,npkb->npk", turn, np.einsum("kakb->kab", products), turn)
-        shares *= weights.share[:, None, None]
+        by_frf = np.einsum("npka,kab,npkb->npk", turn, np.einsum("kakb->kab", products), turn)
+        by_frf *= weights.share[:, None, None]
         for row, lines in weights.gaps:
             frame = at_lines(linear.scaled, lines) @ linear.turn
             lost = missing_slopes(frame, at_lines(own, lines)).reshape(-1, n, 2)
             lost = np.sqrt(weights.share[row]) * np.einsum("gka,pka->gpk", lost, turn[row])
             information -= np.einsum("gpk,gql->pkql", lost, lost)
-            shares[row] -= np.sum(lost**2, axis=0)
+            by_frf[row] -= np.sum(lost**2, axis=0)
         weighted = (weights.share[:, None] * weights.root) * level.residual
         score = weighted.view(np.float64) @ own
     score = score.reshape(len(turn), n, 2)
@@ -495,7 +495,7 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
         inside=np.matmul(linear.turn, inside),
         free=free,
         scores=np.einsum("npka,nka->npk", turn, score).reshape(len(turn), 2 * n),
-        shares=shares.reshape(len(turn), 2 * n),
+        by_frf=by_frf.reshape(len(turn), 2 * n),
     )
 
 

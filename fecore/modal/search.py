@@ -254,10 +254,10 @@ def forward_selection(
         pairs = fit.terms.pairs
         candidates = first
         if pairs:
-            missed = linear_poles(
+            weak_poles = linear_poles(
                 arrangement.omega, fit.residual, fit.weight, _RESIDUAL_ORDER, (NARROW,)
             )
-            candidates = np.append(clusters(missed), first)
+            candidates = np.append(clusters(weak_poles), first)
         elif len(fit.residual) <= _FEW:
             # Under its own variance, which follows what it misses, no mode of a group of overlapping
             # ones can gain more than two for each line of the group, and none pays alone: the

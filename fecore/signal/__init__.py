@@ -5,7 +5,8 @@ blocks, recording               hits as time blocks; a long recording, cut into 
 pulse, windows, unstated        the force's pulse; windows that are stated, and one that is not
 spectra, estimators             blocks to spectra; spectra to FRFs with variance
 hit_features                    what each hit's own blocks show
-shares, slopes, hit_location    its shares of the resonances, and by them where it landed
+participation, slopes,
+hit_location                    its participation in each resonance, and by it where it landed
 comparison                      each hit beside the others of its point
 delay, coupling                 a delay between channels; the tail of an AC coupled one
 weights, judgement              how probably each hit is good, calibrated

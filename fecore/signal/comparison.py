@@ -28,7 +28,7 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.signal.hit_features import HitFeatures
-from fecore.signal.shares import hit_frfs
+from fecore.signal.participation import hit_frfs
 
 BANDS = 32  # of an FRF, compared one by one
 MOST_LINES = 2048  # that are compared; of more, every k-th
@@ -64,7 +64,7 @@ class Point:
     features: tuple[HitFeatures, ...]  # the hits' own numbers
     pairs: Pairs  # the hits beside one another
     # (h, K) what each resonance has in each hit; None where places are not asked for
-    shares: FloatArray | None
+    participation: FloatArray | None
     used: tuple[int, ...] = ()  # the hits that seemed good
 
     def scaled(self, common: Mapping[Dof, FloatArray]) -> FloatArray:

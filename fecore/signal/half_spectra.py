@@ -271,8 +271,8 @@ def _transformed(correlations: FloatArray, lags: int, rate: float, below: IntArr
         for _ in range(int(below[row])):
             steep = [rate * (own[:, k + 1] - own[:, k - 1]) / 2 for k in (1, lags + 1)]
             # the trapezoidal rule's error at lag 0 (Euler and Maclaurin), which is none of a constant
-            missed = (steep[0][:, None] - np.outer(begin, shift)) / (12 * rate**2)
-            spectra[row] = shift * (spectra[row] + missed) + (LEFT * end - begin)[:, None]
+            correction = (steep[0][:, None] - np.outer(begin, shift)) / (12 * rate**2)
+            spectra[row] = shift * (spectra[row] + correction) + (LEFT * end - begin)[:, None]
             begin, end = steep
     return spectra
 

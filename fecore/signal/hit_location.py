@@ -1,6 +1,6 @@
 """Where each hit landed beside the other hits of its point, in metres.
 
-A hit at x + δ has the shares a_k(x + δ) = a_k(x) + ∇a_k(x)·δ (`shares`), and the tour of all points
+A hit at x + δ has the shares a_k(x + δ) = a_k(x) + ∇a_k(x)·δ (`participation`), and the tour of all points
 says how each share changes from place to place (`slopes`). With ā_k the median of the point's hits,
 δ of each hit is the minimum of
 
@@ -47,28 +47,28 @@ known.
 
 
 def locate(
-    places: Sequence[Position | None], shares: Sequence[Mapping[int, FloatArray]]
+    places: Sequence[Position | None], participation: Sequence[Mapping[int, FloatArray]]
 ) -> list[dict[int, Located]]:
     """Where the hits that can be located landed, by point and number of the hit.
 
     Args:
         places: of each point, m; None for a point of unknown place.
-        shares: of each point, those of its comparable hits, all of one length K.
+        participation: of each point, those of its comparable hits, all of one length K.
     """
     located: list[dict[int, Located]] = [{} for _ in places]
     known = [
         i
-        for i, (place, own) in enumerate(zip(places, shares, strict=True))
+        for i, (place, own) in enumerate(zip(places, participation, strict=True))
         if place is not None and own
     ]
     if len({places[i] for i in known}) < FEWEST_POINTS:
         return located
     grid = plane(np.array([places[i] for i in known]))
-    middle = np.array([np.median(np.array(list(shares[i].values())), axis=0) for i in known])
+    middle = np.array([np.median(np.array(list(participation[i].values())), axis=0) for i in known])
     for row, i in enumerate(known):
-        if len(shares[i]) < _FEWEST_HITS:
+        if len(participation[i]) < _FEWEST_HITS:
             continue
-        own = np.array(list(shares[i].values())) - middle[row]
+        own = np.array(list(participation[i].values())) - middle[row]
         slope, unknown = slopes(grid, middle, row)
         size = middle[row] ** 2
         sigma = np.sqrt(
@@ -85,7 +85,7 @@ def locate(
         ]
         located[i] = {
             number: (float(np.linalg.norm(d)), known_along)
-            for number, d, known_along in zip(shares[i], off, directions, strict=True)
+            for number, d, known_along in zip(participation[i], off, directions, strict=True)
             if known_along
         }
     return _over_usual(located)

@@ -159,12 +159,14 @@ def _locate(
     others is in its place wherever it is located.
     """
     tours: dict[object, list[int]] = {}
-    every = {i: point.shares for i, point in enumerate(points) if point.shares is not None}
+    every = {
+        i: point.participation for i, point in enumerate(points) if point.participation is not None
+    }
     for i in every:
         tours.setdefault((points[i].force.direction, points[i].responses), []).append(i)
     for tour in tours.values():
-        shares = [{int(k): every[i][k] for k in np.flatnonzero(comparable[i])} for i in tour]
-        located = locate([positions.get(points[i].force.point) for i in tour], shares)
+        participation = [{int(k): every[i][k] for k in np.flatnonzero(comparable[i])} for i in tour]
+        located = locate([positions.get(points[i].force.point) for i in tour], participation)
         for i, of_point in zip(tour, located, strict=True):
             numbers, directions = rows[i]
             for k, (offset, along) in of_point.items():

@@ -53,7 +53,7 @@ def numbers_of(
         responses=hits[0].pair[1],
         features=features,
         pairs=pairs(forces[:, spectra.compared], [r[:, spectra.compared] for r in responses]),
-        shares=spectra.shares(forces, responses),
+        participation=spectra.participation(forces, responses),
     )
     return point, forces, responses
 

@@ -60,13 +60,15 @@ def plane(positions: FloatArray) -> FloatArray:
     return flat
 
 
-def slopes(places: FloatArray, shares: FloatArray, point: int) -> tuple[FloatArray, FloatArray]:
+def slopes(
+    places: FloatArray, participation: FloatArray, point: int
+) -> tuple[FloatArray, FloatArray]:
     """(2, K) slopes of K shares at one of the points along the two axes, 1/m, and their (2, K)
     variances.
 
     Args:
         places: (P, 2) coordinates, m, as `plane` gives them.
-        shares: (P, K) values there.
+        participation: (P, K) values there.
         point: row of the point asked.
     """
     extent = np.ptp(places, axis=0)
@@ -79,8 +81,8 @@ def slopes(places: FloatArray, shares: FloatArray, point: int) -> tuple[FloatArr
         along, across = (
             axis.kernels(*tried) for axis, tried in zip((x, y), _PLATE_WAVES, strict=True)
         )
-    scale = np.sqrt((shares[near] ** 2).mean(axis=0)) + 1e-300
-    mean, variance = _averaged(along, across, shares[near] / scale)
+    scale = np.sqrt((participation[near] ** 2).mean(axis=0)) + 1e-300
+    mean, variance = _averaged(along, across, participation[near] / scale)
     return mean * scale, variance * scale**2
 
 

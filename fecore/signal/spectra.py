@@ -16,7 +16,7 @@ from fecore.signal.comparison import compare_lines
 from fecore.signal.coupling import find_coupling, impulse
 from fecore.signal.document import Processing
 from fecore.signal.hit_features import HitFeatures, find_features
-from fecore.signal.shares import MOST_SENSORS, Basis, find_basis, hit_frfs
+from fecore.signal.participation import MOST_SENSORS, Basis, find_basis, hit_frfs
 from fecore.signal.windows import LEFT_AT_END, choose_windows, force_window, total_rate, windowed
 
 USABLE_SHARE = 1 / 2.56
@@ -146,7 +146,9 @@ class Spectra:
             ]
         return find_basis(np.concatenate(frfs))
 
-    def shares(self, forces: ComplexArray, responses: Sequence[ComplexArray]) -> FloatArray | None:
+    def participation(
+        self, forces: ComplexArray, responses: Sequence[ComplexArray]
+    ) -> FloatArray | None:
         """(h, K) what each resonance has in each hit, over the sensors; None where places are not
         asked for.
         """
@@ -155,7 +157,7 @@ class Spectra:
         force = forces[:, self.compared]
         some = responses[:MOST_SENSORS]
         return np.concatenate(
-            [self.basis.shares(hit_frfs(force, r[:, self.compared])) for r in some], axis=1
+            [self.basis.participation(hit_frfs(force, r[:, self.compared])) for r in some], axis=1
         )
 
     def strong_window(self) -> str | None:

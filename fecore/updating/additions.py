@@ -493,10 +493,10 @@ class Data:
         root, S = np.sqrt(problem.weights)[:, None], problem.sensitivity
         variance = problem.noise + posterior.scale[:, None, None] ** 2 * np.eye(len(S))
         W = root * np.linalg.inv(variance) * root.T
-        missed = problem.residual - posterior.shift @ S.T
+        residuals = problem.residual - posterior.shift @ S.T
         across = W @ S
         M = W - across @ posterior.covariance @ across.transpose(0, 2, 1)
-        return cls(log_weight, (W @ missed[..., None])[..., 0], M)
+        return cls(log_weight, (W @ residuals[..., None])[..., 0], M)
 
     def likeliest(self, change: FloatArray) -> FloatArray:
         """(P,) logarithms of how much likelier the data are by (n, P) changes of ln f."""

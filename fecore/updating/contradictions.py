@@ -380,17 +380,17 @@ class _Sources:
 
     def _of_campaign(self, number: int) -> tuple[Check, Callable[[], _Sources]]:
         name, at = self._named(number), self.elastic.rows[number]
-        kept, (logs, missed, V) = (
+        kept, (logs, residual, V) = (
             self.problem.weights[at] > 0,
             _beside_the_rest(self.problem, at, self.scatter),
         )
         weight = np.exp(logs)
         other = self._by_material(number)[np.ix_(kept, kept)]
         along = scipy.linalg.eigh(other, np.einsum("m,mij->ij", weight, V))[1][:, -1]
-        z = missed @ along / np.sqrt(along @ V @ along)
-        p = min(2 * scipy.special.ndtr(-np.abs(z)) @ weight, _beyond(weight, missed, V))
+        z = residual @ along / np.sqrt(along @ V @ along)
+        p = min(2 * scipy.special.ndtr(-np.abs(z)) @ weight, _beyond(weight, residual, V))
         as_stated, another, any_body = (
-            scipy.special.logsumexp(logs + _log_gaussian(missed, V + more))
+            scipy.special.logsumexp(logs + _log_gaussian(residual, V + more))
             for more in (0.0, other, ANYTHING**2 * np.eye(len(other)))
         )
         evidence = np.logaddexp(another, any_body) - np.log(2) - as_stated
@@ -502,12 +502,12 @@ def _beside_the_rest(
     return logs, problem.residual[at][kept] - others.shift @ S.T, spanned
 
 
-def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> float:
+def _beyond(weight: FloatArray, residual: FloatArray, covariance: FloatArray) -> float:
     """Probability of (m, n) differences that lie further out in their (m, n, n) covariances, all
     together: of χ².
     """
-    distance = np.sum(missed * np.linalg.solve(covariance, missed[..., None])[..., 0], axis=1)
-    return float(weight @ scipy.special.chdtrc(float(missed.shape[1]), distance))
+    distance = np.sum(residual * np.linalg.solve(covariance, residual[..., None])[..., 0], axis=1)
+    return float(weight @ scipy.special.chdtrc(float(residual.shape[1]), distance))
 
 
 def _agreement(sources: _Sources, number: int) -> CampaignAgreement:
@@ -515,8 +515,8 @@ def _agreement(sources: _Sources, number: int) -> CampaignAgreement:
     q = len(elastic.layout.shared)
     p, at = None, elastic.rows[number]
     if len(elastic.rows) > 1:
-        logs, missed, V = _beside_the_rest(problem, at, sources.scatter)
-        p = _beyond(np.exp(logs), missed, V)
+        logs, residual, V = _beside_the_rest(problem, at, sources.scatter)
+        p = _beyond(np.exp(logs), residual, V)
     own = problem.only(_among(problem, at))
     step, covariance = own.solve(elastic.discrepancy, elastic.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]

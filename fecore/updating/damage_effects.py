@@ -83,9 +83,9 @@ class DamageShapes:
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]]) * same
         if not same.any():
             return None
-        missed, _ = ShapeErrors().residual(campaign.modes, state, pairing, 1.0 * same)
-        weight = weight * _evenly(missed.reshape(-1, count), same)
-        missed, of_theta = ShapeErrors().residual(campaign.modes, state, pairing, weight)
+        residual, _ = ShapeErrors().residual(campaign.modes, state, pairing, 1.0 * same)
+        weight = weight * _evenly(residual.reshape(-1, count), same)
+        residual, of_theta = ShapeErrors().residual(campaign.modes, state, pairing, weight)
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
         seen = seen[:, :count]
         basis = np.linalg.qr(seen.T)[0]  # (points, b)
@@ -106,7 +106,7 @@ class DamageShapes:
         fitted = elastic.problem.others.get("mode shapes")
         each = by.reshape(len(rows), count, -1)
         return cls(
-            axes.T @ (missed.reshape(-1, count) @ basis).ravel(),
+            axes.T @ (residual.reshape(-1, count) @ basis).ravel(),
             axes.T @ np.einsum("npx,pb->nbx", each, basis).reshape(len(axes), -1),
             np.maximum(variance, 0.0),
             change.reshape(*change.shape[:2], -1) @ axes,
@@ -158,12 +158,12 @@ class DamageTerms:
         return float(g @ z - self.cost - np.linalg.slogdet(H)[1]) / 2, gain
 
 
-def _evenly(missed: FloatArray, same: BoolArray) -> FloatArray:
+def _evenly(residual: FloatArray, same: BoolArray) -> FloatArray:
     """(n,) weights by which (n, p) shapes that are further off than the middle one of some are as
     far off as it: what is wrong with one mode alone, such as a share of another in it, is no loss,
     which all modes see.
     """
-    off = np.sqrt(np.mean(missed**2, axis=1))
+    off = np.sqrt(np.mean(residual**2, axis=1))
     return np.asarray(np.minimum(1.0, np.median(off[same]) / np.maximum(off, 1e-300)))
 
 

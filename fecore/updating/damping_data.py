@@ -171,9 +171,9 @@ class DampingData:
         measured).
         """
         others, strain = self.unmeasured, self.model.strain
-        shares = None if strain is None else strain[np.concatenate([self.law_modes, others])]
+        fractions = None if strain is None else strain[np.concatenate([self.law_modes, others])]
         return nearest_positive(
-            law, self.row_omega, self.first_ratio, self.model.omega[others], shares
+            law, self.row_omega, self.first_ratio, self.model.omega[others], fractions
         )
 
     def nuisance(self, deviation_sd: float, variance_inflation: float = 1.0) -> Nuisance:
@@ -544,11 +544,11 @@ def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
         UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart
             in frequency, or FRFs of another quantity than stated.
     """
-    missed = np.abs(data.first_shift)
+    shift = np.abs(data.first_shift)
     likeness = Likeness.of(data)
     pairs, updated = data.pairs, data.elastic.updated
-    if missed.max() > _LARGEST_MISS:
-        row, column = pairs[int(np.argmax(missed))]
+    if shift.max() > _LARGEST_MISS:
+        row, column = pairs[int(np.argmax(shift))]
         hz, model = data.modes.frequency_hz[row], updated.frequency_hz[column]
         raise _refusal(
             data,

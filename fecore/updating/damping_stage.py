@@ -495,14 +495,14 @@ def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> 
     if inputs.window_known:
         return []
     values, names = damping.fit.coefficients, damping.fit.law.coefficient_names
-    shares = np.abs(damping.window / np.where(values == 0, 1.0, values))
-    worst = int(np.argmax(shares))
-    if shares[worst] < _MATTERS:
+    fractions = np.abs(damping.window / np.where(values == 0, 1.0, values))
+    worst = int(np.argmax(fractions))
+    if fractions[worst] < _MATTERS:
         return []
     omega, ratio = damping.reference.ratios.omega, damping.reference.ratios.ratio
     rate = looks_windowed(omega, ratio - (inputs.window_rate or 0.0) / omega, record_s)
     if rate is None:
-        return [finding("window_unstated", name=names[worst], percent=100 * shares[worst])]
+        return [finding("window_unstated", name=names[worst], percent=100 * fractions[worst])]
     return [
         finding("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))
     ]

@@ -328,7 +328,7 @@ class Misfit:
             )
             for some in (weights, by_shear)
         )
-        missed: list[FloatArray] = [np.zeros(0)]
+        residuals: list[FloatArray] = [np.zeros(0)]
         by: list[FloatArray] = [np.zeros((0, size))]
         for campaign, state, pairing, at, errors in zip(
             self.layout.campaigns, states, pairings, rows, shapes, strict=True
@@ -344,9 +344,9 @@ class Misfit:
             )
             if self.use_shapes:
                 off, of_theta = errors.residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
-                missed.append(off)
+                residuals.append(off)
                 by.append(of_theta @ chain)
-        J, m = np.vstack(by), np.concatenate(missed)
+        J, m = np.vstack(by), np.concatenate(residuals)
         descent: FloatArray = J.T @ m
         others: dict[str, FloatArray] = {"mode shapes": J.T @ J} if self.use_shapes else {}
         cost = float(m @ m)

@@ -154,14 +154,14 @@ class ElasticResult:
         """Of each campaign, inputs that may be something, for what they do, as the frequencies
         leave them.
         """
-        effects, missed = [], np.zeros(self.problem.residual.size)
+        effects, unchanged = [], np.zeros(self.problem.residual.size)
         for c, state, pairing, at in zip(
             self.layout.campaigns, self.states, self.pairings, self.rows, strict=True
         ):
             own = list(systematic_effects(state, c.inputs, c.fixed_points))
             for place, each in enumerate(own):
                 if each.kind == "one-sided" and each.name != MESH:
-                    by = missed.copy()
+                    by = unchanged.copy()
                     shift = each.shift[[column for _, column in pairing.pairs]]
                     # what is linear may go below nothing
                     by[at] = np.log1p(np.maximum(shift, ROUND_OFF - 1))
@@ -203,15 +203,15 @@ class ElasticResult:
         """By source, (n, k) roots of the covariance of the frequencies, and (X, k) of the
         information of what is none.
         """
-        missed, by_shear = np.zeros((2, self.problem.residual.size))
+        model_error, by_shear = np.zeros((2, self.problem.residual.size))
         each = zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True)
         for campaign, state, pairing, at in each:
-            missed[at] = campaign.model_error
+            model_error[at] = campaign.model_error
             by_shear[at] = by_shear_correction(state)[[column for _, column in pairing.pairs]]
-        known = np.diag(missed**2) + np.outer(by_shear, by_shear)
+        known = np.diag(model_error**2) + np.outer(by_shear, by_shear)
         of_data = {NOISE: root(self.problem.noise - known, of=self.problem.noise)}
-        if missed.any():
-            of_data[MODEL_OF_JOINTS] = np.diag(missed)
+        if model_error.any():
+            of_data[MODEL_OF_JOINTS] = np.diag(model_error)
         if by_shear.any():
             of_data[SHEAR_CORRECTION] = by_shear[:, None]
         return of_data, {name: root(each) for name, each in self.problem.others.items()}
@@ -436,7 +436,7 @@ class ElasticResult:
                     own_mesh_hz=(
                         None if hz is None or moved is None else hz * float(1 + moved[0][after])
                     ),
-                    **({} if after is None else updated.shares(after)),
+                    **({} if after is None else updated.fractions(after)),
                 )
             )
         return tuple(comparisons)

@@ -227,11 +227,11 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
         numbers=rows.numbers[kept],
         places=rows.places[kept],
         axes=rows.axes[kept],
-        shapes=rows.shares[:, kept] * largest[:, None],
-        seen=np.abs(rows.shares[:, kept]),
+        shapes=rows.amplitudes[:, kept] * largest[:, None],
+        seen=np.abs(rows.amplitudes[:, kept]),
         references=among[0],
         measured=among[1],
-        mac=np.nan_to_num(auto_mac(rows.shares[:, measured])),
+        mac=np.nan_to_num(auto_mac(rows.amplitudes[:, measured])),
         lines_hz=lines,
         frfs=nominal.frfs(modes, rows.observation[kept], among, lines, order.damping_ratio or 0.0),
     )
@@ -351,7 +351,7 @@ class _Rows:
     places: FloatArray  # (p, 3) m
     axes: IntArray  # (p,) 1, 2 or 3
     observation: scipy.sparse.csr_array  # (p, dofs) displacement along these
-    shares: FloatArray  # (n, p) of each mode, by its largest displacement
+    amplitudes: FloatArray  # (n, p) of each mode, by its largest displacement
 
     @classmethod
     def of(cls, body: Body, shapes: FloatArray, order: ForecastOrder) -> _Rows:
@@ -388,7 +388,7 @@ class _Rows:
 
     def shown_least(self, count: int) -> IntArray:
         """Points with the largest share of the mode that they show least, one after the other."""
-        seen, chosen = np.abs(self.shares), np.zeros(0, dtype=np.int64)
+        seen, chosen = np.abs(self.amplitudes), np.zeros(0, dtype=np.int64)
         shown = np.zeros(len(seen))
         for _ in range(min(count, seen.shape[1])):
             least = np.maximum(seen, shown[:, None]).min(axis=0) + _LITTLE * seen.mean(axis=0)
@@ -401,7 +401,7 @@ class _Rows:
         """Points with the largest determinant of information, one after the other: det(A + ssᵀ) =
         det A (1 + sᵀA⁻¹s).
         """
-        s, chosen = self.shares, np.zeros(0, dtype=np.int64)
+        s, chosen = self.amplitudes, np.zeros(0, dtype=np.int64)
         information = _LITTLE * np.eye(len(s))
         for _ in range(min(count, s.shape[1])):
             gain = np.sum(s * np.linalg.solve(information, s), axis=0)

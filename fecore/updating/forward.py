@@ -493,9 +493,9 @@ def pair_in_order(
                 + pair[j - 1]
                 + ((off[i - 1, j - 1] - _FACTORS) / _SCATTER) ** 2 / 2
             )
-            missed = best[i, j - 1] + miss[j - 1]
+            skipped = best[i, j - 1] + miss[j - 1]
             unpaired = best[i - 1, j] + costs[i - 1]
-            choice = np.stack([together, unpaired, missed])
+            choice = np.stack([together, unpaired, skipped])
             came[i, j] = choice.argmin(axis=0)
             best[i, j] = choice.min(axis=0)
     # modes above the last measured one cost nothing

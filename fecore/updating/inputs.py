@@ -461,12 +461,12 @@ def _mesh(state: ForwardState) -> list[SystematicEffect]:
     """What the finest mesh may still miss, and facets of a surface that was taken to be curved."""
     if state.by_mesh is None:
         return []
-    _, missed, flat = state.by_mesh
-    words = f"at most {100 * np.abs(missed).max(initial=0.0):.2g} % of a frequency"
+    _, mesh_error, flat = state.by_mesh
+    words = f"at most {100 * np.abs(mesh_error).max(initial=0.0):.2g} % of a frequency"
     if flat.any():
         words += f", and {100 * np.abs(flat).max():.2g} % were the facets flat"
     return [
-        SystematicEffect(MESH, missed, "both", False, words),
+        SystematicEffect(MESH, mesh_error, "both", False, words),
         SystematicEffect(MESH, flat, "one-sided", False, words),
     ]
 

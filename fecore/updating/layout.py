@@ -130,12 +130,12 @@ class CampaignModel:
         """(n, n) covariance of the logarithms of some measured frequencies, and of what the model
         is known to miss.
         """
-        missed = self.model_error**2 * np.eye(len(rows))
+        of_model = self.model_error**2 * np.eye(len(rows))
         if self.modes.covariance is None:
-            return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2 + missed
+            return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2 + of_model
         hz = self.modes.frequency_hz[rows]
         covariance: FloatArray = (
-            self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz) + missed
+            self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz) + of_model
         )
         return covariance
 

@@ -354,20 +354,20 @@ class Finer:
             own_shift = np.abs(change.shift(np.eye(len(value)), value, own.stiffness, own.mass))
             return float(own_shift[value <= held].max(initial=0.0))
 
-        before, (after, missed), number = base, solved(self.level(1)), 1
+        before, (after, at_corners), number = base, solved(self.level(1)), 1
         while (
             number < _ROUNDS and off(after - before) > _CLOSE and self._next_size(number) <= _CHEAP
         ):
             number += 1
-            before, (after, missed) = after, solved(self.level(number))
+            before, (after, at_corners) = after, solved(self.level(number))
         flat = None
         if with_flat and self._flat is not None:
             flat = solved(self._flat)[0] - solved(self.level(1))[0]
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
         order = 4 if is_quadratic(self.body.mesh) else 2
         images = model.mass.at(own.mass) @ shapes
-        left = _LEFT * (after - before) - _OF_CORNERS * missed
-        return MeshError(images, after - base - missed, left, flat, self.turn, *sizes, order)
+        left = _LEFT * (after - before) - _OF_CORNERS * at_corners
+        return MeshError(images, after - base - at_corners, left, flat, self.turn, *sizes, order)
 
     def _next_size(self, number: int) -> int:
         return 4 * len(self.level(number).body.mesh.nodes) * len(self.body.dofs)

@@ -189,7 +189,7 @@ class ForwardState:
             energies[:, across].sum(axis=1) / self.modes.eigenvalue[self.modes.rigid :]
         )
 
-    def shares(self, mode: int) -> dict[str, dict[str, float]]:
+    def fractions(self, mode: int) -> dict[str, dict[str, float]]:
         """`motion` and `energy` of an elastic mode, to 1e-4."""
         both = {"motion": self.motion, "energy": self.energy}
         return {
@@ -248,8 +248,8 @@ class ForwardState:
         0 of rigid-body modes.
         """
         energies, (moving, value) = self._energies @ self._mechanisms(self.theta).T, self._moving
-        shares: FloatArray = np.where(moving[:, None], energies / value[:, None], 0.0)
-        return shares
+        fractions: FloatArray = np.where(moving[:, None], energies / value[:, None], 0.0)
+        return fractions
 
     @property
     def energy_forms(self) -> FloatArray:

@@ -397,7 +397,7 @@ class Summary:
         if not state.forward.points:
             return ()
         modes = enumerate(zip(state.frequency_hz.tolist(), state.kinds, strict=True))
-        return tuple(ModelMode(k + 1, hz, kind, **state.shares(k)) for k, (hz, kind) in modes)
+        return tuple(ModelMode(k + 1, hz, kind, **state.fractions(k)) for k, (hz, kind) in modes)
 
     def _negative_damping(self) -> list[Finding]:
         """Where in the band the fitted law, and the preferred one, would feed energy in: between or

@@ -100,15 +100,15 @@ def budget_figure(parameters: Sequence[Mapping[str, Any]]) -> Figure:
         parameters: as a result document has them, with `budget`; those without one are left out.
     """
     rows = [row for row in parameters if row["budget"]]
-    shares: dict[str, np.ndarray] = {}  # of each source, by parameter
+    percent: dict[str, np.ndarray] = {}  # of each source, by parameter
     for place, row in enumerate(rows):
         for entry in row["budget"]:
-            shares.setdefault(entry["source"], np.zeros(len(rows)))[place] += 100 * entry["share"]
-    sources = sorted(shares, key=lambda source: -shares[source].sum())
+            percent.setdefault(entry["source"], np.zeros(len(rows)))[place] += 100 * entry["share"]
+    sources = sorted(percent, key=lambda source: -percent[source].sum())
     if len(sources) > MOST_SOURCES:
         named = sources[: MOST_SOURCES - 1]
-        shares[OTHERS] = sum(
-            (shares[source] for source in sources[len(named) :]), np.zeros(len(rows))
+        percent[OTHERS] = sum(
+            (percent[source] for source in sources[len(named) :]), np.zeros(len(rows))
         )
         sources = [*named, OTHERS]
     bars, base = [], np.zeros(len(rows))
@@ -116,8 +116,10 @@ def budget_figure(parameters: Sequence[Mapping[str, Any]]) -> Figure:
         name = source.replace("_", " ")
         hover = f"%{{customdata}}, {name}: %{{x:.1f}} %"
         ids = [row["name"] for row in rows]
-        bars.append(Bars(shares[source], range(len(rows)), base, name, color, hover=hover, ids=ids))
-        base = base + shares[source]
+        bars.append(
+            Bars(percent[source], range(len(rows)), base, name, color, hover=hover, ids=ids)
+        )
+        base = base + percent[source]
     return Figure(
         "What the variance of each parameter is made of",
         bars,
@@ -136,9 +138,9 @@ def _named(row: Mapping[str, Any]) -> str:
     if not row["estimate"]:
         return f"{row['name']}  ± –"
     sides = deviations(row["estimate"], row["standard_deviation"], row["interval_95"])
-    shares = [f"{100 * each / abs(row['estimate']):.2g}" for each in sides]
+    percent = [f"{100 * each / abs(row['estimate']):.2g}" for each in sides]
     return f"{row['name']}  " + (
-        f"± {shares[0]} %" if len(shares) == 1 else f"+{shares[0]} −{shares[1]} %"
+        f"± {percent[0]} %" if len(percent) == 1 else f"+{percent[0]} −{percent[1]} %"
     )
 
 

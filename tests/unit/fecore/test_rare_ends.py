@@ -16,7 +16,7 @@ from fecore.body.supports import edges
 from fecore.dynamics.laws import LAWS, Damped
 from fecore.errors import UpdatingError
 from fecore.findings import Finding as Remark
-from fecore.signal import delay, pulse, shares
+from fecore.signal import delay, participation, pulse
 from fecore.updating import campaigns, damping_data, damping_stage
 from fecore.updating.inputs import Inputs, systematic_effects
 from fecore.updating.laws import nearest_positive
@@ -29,7 +29,7 @@ def test_numbers_of_hits_that_have_little_to_say() -> None:
     size[15:26] = 1 / (1 + np.arange(-5.0, 6.0) ** 2)
     assert [line for line, _ in delay._peaks(size, None)] == [20]
     assert delay._peaks(size, np.ones(41)) == []
-    assert shares._strongest(np.zeros((4, 6))) == []
+    assert participation._strongest(np.zeros((4, 6))) == []
     assert pulse._second(np.ones(50), 10, 5, 45) == (0.0, 0.0, 10)
 
 

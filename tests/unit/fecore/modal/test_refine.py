@@ -121,7 +121,7 @@ def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
     )
     np.testing.assert_allclose(fit.residue_variance, residues * inflation, rtol=1e-6)
     np.testing.assert_allclose(fit.scores, score, rtol=1e-6, atol=1e-9 * np.abs(score).max())
-    np.testing.assert_allclose(fit.shares.sum(axis=0), np.diag(fit.information), rtol=1e-12)
+    np.testing.assert_allclose(fit.by_frf.sum(axis=0), np.diag(fit.information), rtol=1e-12)
     longer = assessed(fit, memory=3.0)
     assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
     np.testing.assert_allclose(
@@ -382,10 +382,10 @@ def test_a_frequency_is_the_mean_over_the_tests_of_a_roving_sensor(
     dofs = tuple(Dof(i + 1, 3) for i in range(FRFS))
     arrangement = arrange(FrfSet(lines, values + white, dofs, (Dof(99, 3),) * FRFS, "receptance"))
     fit = refine(arrangement, TERMS, np.full(values.shape, 2e-16))
-    mean = mean_over_tests(arrangement, fit, fit.shares)  # each FRF is a test
+    mean = mean_over_tests(arrangement, fit, fit.by_frf)  # each FRF is a test
     assert (mean is not None) is moved
     hammer = tuple((response, reference) for reference, response in arrangement.pairs)
-    assert mean_over_tests(replace(arrangement, pairs=hammer), fit, fit.shares) is None
+    assert mean_over_tests(replace(arrangement, pairs=hammer), fit, fit.by_frf) is None
     if mean is not None:
         before = np.log(fit.terms.frequency_hz / hz.mean(axis=0))
         after = before + mean.move

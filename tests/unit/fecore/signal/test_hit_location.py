@@ -22,11 +22,11 @@ def test_known_displacements_are_recovered_from_shares(kind: str) -> None:
     true = [0.002 * rng.standard_normal((5, 2)) for _ in grid]
     for one in true[::3]:
         one[4] += 0.012 * np.array([np.cos(k := rng.uniform(0, 6.28)), np.sin(k)])
-    shares = [
+    participation = [
         {i: body.shapes((place[0] + d[0], place[1] + d[1]))[low] for i, d in enumerate(one)}
         for place, one in zip(places, true, strict=True)
     ]
-    offsets = locate([(x, y, 0.0) for x, y in places], shares)
+    offsets = locate([(x, y, 0.0) for x, y in places], participation)
     found, truth = [], []
     for point, one in zip(offsets, true, strict=True):
         for i, (offset, _) in point.items():
@@ -43,10 +43,10 @@ def test_known_displacements_are_recovered_from_shares(kind: str) -> None:
 
 
 def test_a_point_alone_and_points_of_unknown_place_are_not_located() -> None:
-    shares = {i: np.arange(4.0) + i for i in range(5)}
-    assert locate([(0.1, 0.0, 0.0)], [shares]) == [{}]
-    assert locate([None] * 8, [shares] * 8) == [{}] * 8
-    assert locate([(0.1, 0.0, 0.0)] * 8, [shares] * 8) == [{}] * 8  # all at one place
+    participation = {i: np.arange(4.0) + i for i in range(5)}
+    assert locate([(0.1, 0.0, 0.0)], [participation]) == [{}]
+    assert locate([None] * 8, [participation] * 8) == [{}] * 8
+    assert locate([(0.1, 0.0, 0.0)] * 8, [participation] * 8) == [{}] * 8  # all at one place
 
 
 Places = dict[int, tuple[float, float, float]]

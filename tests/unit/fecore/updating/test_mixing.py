@@ -58,9 +58,9 @@ def test_shares_of_turned_modes_are_those_of_turned_shapes() -> None:
         energies = np.array(
             [[shape @ (term @ shape) for term in state.stiffness] for shape in turned.T]
         )
-        shares = energies @ weights.T
+        fractions = energies @ weights.T
         np.testing.assert_allclose(
-            state.strain[[rigid + j, rigid + k]] + mixing.change[at], shares, atol=1e-9
+            state.strain[[rigid + j, rigid + k]] + mixing.change[at], fractions, atol=1e-9
         )
     gap = (
         np.diff(state.modes.eigenvalue[[rigid + j, rigid + k]])[0]
@@ -75,12 +75,14 @@ def measured(true: OrientedSpecimen, noise: float = 0.01) -> tuple[MeasuredModes
     """
     state, random = solved(true), np.random.default_rng(1)
     law, omega = laws_for(true)["mechanism"], 2 * np.pi * state.frequency_hz[:8]
-    shares = state.strain[state.modes.rigid :][:8]
+    fractions = state.strain[state.modes.rigid :][:8]
     hz = omega / 2 / np.pi * (1 + 2e-4 * random.standard_normal(8))
-    ratio = law.basis(omega, shares) @ LOSS / (2 * omega) * (1 + noise * random.standard_normal(8))
+    ratio = (
+        law.basis(omega, fractions) @ LOSS / (2 * omega) * (1 + noise * random.standard_normal(8))
+    )
     covariance = np.diag(np.concatenate([(2e-4 * hz) ** 2, (noise * ratio) ** 2]))
     dofs = tuple(Dof(point, 3) for point in range(1, 34))
-    return MeasuredModes(hz, ratio, state.shapes[:8] + 0j, dofs, covariance), shares[:, 0]
+    return MeasuredModes(hz, ratio, state.shapes[:8] + 0j, dofs, covariance), fractions[:, 0]
 
 
 def updated(modes: MeasuredModes, frfs: FrfSet | None = None) -> UpdateResult:

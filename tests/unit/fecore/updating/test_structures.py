@@ -99,15 +99,17 @@ def test_a_basis_is_verified_where_a_fit_ends() -> None:
 def test_modes_have_shares_of_their_motion_and_of_the_energy_of_each_set() -> None:
     state = at_prior(forward_model(BEAM, MODES, "web.E1", "flange.factor"))
     energy = state.energy
-    for shares in (state.motion, energy):
-        np.testing.assert_allclose(np.sum(list(shares.values()), axis=0), 1, atol=1e-9)
+    for fractions in (state.motion, energy):
+        np.testing.assert_allclose(np.sum(list(fractions.values()), axis=0), 1, atol=1e-9)
     # ∂ ln λ / ∂ ln of a factor of all stiffness of a set is its share of the strain energy
     slope = 2 * state.frequency_jacobian[:, 1] / state.frequency_hz
     np.testing.assert_allclose(energy["flange"], slope, rtol=1e-6)
     # about the axis in which the web lies, the flanges alone bend
     mode = state.kinds.index("bending y")
-    assert state.shares(mode)["energy"]["flange"] > 0.9
-    assert state.shares(mode)["motion"]["bending y"] == max(state.shares(mode)["motion"].values())
+    assert state.fractions(mode)["energy"]["flange"] > 0.9
+    assert state.fractions(mode)["motion"]["bending y"] == max(
+        state.fractions(mode)["motion"].values()
+    )
 
 
 def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:

@@ -40,7 +40,7 @@ class Basis:
     bands: tuple[tuple[int, int], ...]
     vectors: tuple[FloatArray, ...]
 
-    def shares(self, frfs: ComplexArray) -> FloatArray:
+    def participation(self, frfs: ComplexArray) -> FloatArray:
         """(h, K) shares of (h, L) FRFs."""
         return np.array(
             [
