@@ -190,6 +190,17 @@ def means(each: np.ndarray, lines: int) -> np.ndarray:
     return np.asarray(each[..., :whole].reshape(*each.shape[:-1], -1, lines).mean(axis=-1))
 
 
+def row_medians(rows: FloatArray) -> FloatArray:
+    """(N,) median of each row without its NaNs, NaN of a row that is nothing else; numpy's own
+    sorts masked arrays, slowly.
+    """
+    ordered = np.sort(rows, axis=1)  # NaN comes last
+    count = np.sum(~np.isnan(rows), axis=1)
+    at = np.arange(len(rows))
+    low, high = (ordered[at, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2))
+    return np.asarray(np.where(count > 0, low / 2 + high / 2, np.nan))
+
+
 def pair_label(response: Dof, reference: Dof) -> str:
     """Name of an FRF as laboratories write it, response first: `33Z/1Z`; of a half spectrum of
     several setups `33Z/1Z of setup 2`.

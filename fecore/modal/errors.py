@@ -37,7 +37,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.modal.arrangement import MANY, Arrangement
-from fecore.modal.series import PRICE
+from fecore.modal.series import PRICE, VAGUE
 
 if TYPE_CHECKING:
     from fecore.modal.judge import Growth
@@ -148,7 +148,8 @@ def mean_over_tests(
     count, n = arrangement.sessions, fit.terms.pairs
     if count < MANY or len({pair[0] for pair in arrangement.pairs}) < count:
         return None
-    h = np.maximum(information[:, :n] / fit.excess, np.finfo(float).tiny)
+    h = information[:, :n] / fit.excess
+    h = np.maximum(h, VAGUE * h.max(axis=0))  # a test without a line there says nothing
     power = _by_test(arrangement, np.abs(fit.residues) ** 2)
     off = _by_test(arrangement, fit.scores[:, :n]) / fit.excess / h
     total = h.sum(axis=0)

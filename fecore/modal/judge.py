@@ -51,7 +51,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from fecore.modal.arrangement import CLEAR, FEW, Arrangement
+from fecore.modal.arrangement import CLEAR, FEW, Arrangement, row_medians
 from fecore.modal.series import BESIDE, NEAR, ONE, Terms
 
 if TYPE_CHECKING:
@@ -193,9 +193,10 @@ def evidence_of(arrangement: Arrangement, fit: LinearFit, growth: Growth | None 
     is known.
     """
     terms = fit.terms
-    residues = fit.residues
+    known = _known(arrangement, fit)
+    residues = fit.residues * known
     rise = _rise(arrangement, fit)
-    height, share = _share(arrangement, fit)
+    height, share = _share(arrangement, fit, known)
     inside = arrangement.in_band(terms.frequency_hz)
     tone = inside & (terms.half_bandwidth_hz < _LASTS * arrangement.spacing_hz)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
@@ -236,7 +237,25 @@ def _rise(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
     return np.asarray(np.clip(1 + fit.gains / with_it, 1.0, _RISE))
 
 
-def _share(arrangement: Arrangement, fit: LinearFit) -> tuple[FloatArray, FloatArray]:
+def _known(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
+    """(N, n) what each FRF counts in the features of each pole: 1, less by the variance of its
+    residue where that is clearly larger than is usual, and 0 without a line about the pole.
+    """
+    terms = fit.terms
+    reach = np.maximum(NEAR * terms.half_bandwidth_hz, _LEAST_REACH * arrangement.spacing_hz)
+    ends = np.clip(terms.frequency_hz, *arrangement.frequency_hz[[0, -1]])
+    near = np.abs(arrangement.frequency_hz[:, None] - ends) <= reach
+    seen = arrangement.measured.astype(float) @ near > 0
+    seen |= ~seen.any(axis=0)
+    each = fit.linear.variance[:, : 2 * terms.pairs]
+    variance = np.maximum(each[:, 0::2] + each[:, 1::2], np.finfo(float).tiny)
+    usual = row_medians(np.where(seen, variance, np.nan).T)
+    return np.where(seen, np.minimum(1.0, CLEAR**2 * usual / variance), 0.0)
+
+
+def _share(
+    arrangement: Arrangement, fit: LinearFit, known: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """(n,) height of each pole at the line next to its frequency, and over the FRFs there: a needle
     between lines has none.
     """
@@ -247,7 +266,7 @@ def _share(arrangement: Arrangement, fit: LinearFit) -> tuple[FloatArray, FloatA
     c = fit.linear.coefficients
     height = np.abs(c[:, 0 : 2 * n : 2] * own[:, 0] + c[:, 1 : 2 * n : 2] * own[:, 1])
     beside = np.broadcast_to(fit.background, fit.residual.shape)[:, place]
-    whole = np.abs(beside + c @ at.T)
+    height, whole = known * height, known * np.abs(beside + c @ at.T)
     total = np.sqrt(np.sum(height**2, axis=0))
     share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), np.finfo(float).tiny)
     return total, np.asarray(np.clip(share, _SHARE, 1.0))

@@ -41,6 +41,7 @@ from fecore.modal.arrangement import (
     Arrangement,
     arrange,
     other_quantities,
+    row_medians,
 )
 from fecore.modal.findings import finding, lines_in_words
 
@@ -59,6 +60,7 @@ _RAISED = 2.0
 _LIKE = 0.5
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
 _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
+_ALIKE = 0.2  # of it that the lines beside do not have: below it is a mode's
 # power of such lines next to 0 Hz over that at their end, from which they are leakage
 _RISES = 10.0
 _REACH = 0.3  # half the window over the number of its line
@@ -448,15 +450,21 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:
     rise towards 0 Hz.
 
     FRFs that are noise nearly to their last line stay whole: there is nothing that leakage stands
-    before.
+    before. An FRF that is clearly noisier than most counts less. Narrow modes jump too, but alike:
+    a jump of many FRFs that the lines two further on nearly have is a mode's.
     """
-    values = arrangement.values
+    level = np.median(_line_scatter(arrangement), axis=1, keepdims=True)
+    values = arrangement.values * np.sqrt(np.minimum(1.0, CLEAR**2 * np.median(level) / level))
     power = np.sum(np.abs(values) ** 2, axis=0)
-    jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
+    jumps = values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2
+    jump = np.sum(np.abs(jumps) ** 2, axis=0)
     around = (power[:-2] + power[1:-1] + power[2:]) / 3
-    rough = scipy.ndimage.median_filter(
-        jump / np.maximum(around, np.finfo(float).tiny), size=5, mode="nearest"
-    )
+    ratios = [jump / 1.5 / np.maximum(around, np.finfo(float).tiny)]
+    if len(values) >= MANY and len(power) > FEWEST_LINES:
+        rest = np.sum(np.abs(_not_beside(values, jumps)) ** 2, axis=0)
+        ratios.append(rest / np.maximum(jump, np.finfo(float).tiny))
+    rough, *own = (scipy.ndimage.median_filter(each, size=5, mode="nearest") for each in ratios)
+    rough = np.where(own[0] < _ALIKE, 0.0, rough) if own else rough
     drowned = int(np.argmax(rough < _DROWNED))
     first = drowned + 1  # `rough` is of the lines between others
     left = power.size - first
@@ -473,23 +481,29 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:
     return cut, [finding("leakage", hz=cut.frequency_hz[0])]
 
 
+def _not_beside(values: ComplexArray, jumps: ComplexArray) -> ComplexArray:
+    """(N, L - 2) the jumps of N FRFs at their inner lines less what these have in common with the
+    lines two before and two after, as large as noise leaves them.
+    """
+    line = np.arange(1, jumps.shape[1] + 1)
+    places = np.where(line > 1, line - 2, line + 3), np.where(line < line.size, line + 2, line - 3)
+    kept: list[ComplexArray] = []
+    for place in places:
+        beside = values[:, place]
+        for other in kept:
+            beside = beside - other * np.sum(other.conj() * beside, axis=0)
+        size = np.linalg.norm(beside, axis=0)
+        kept.append(beside / np.where(size > 0, size, 1.0))
+        jumps = jumps - kept[-1] * np.sum(kept[-1].conj() * jumps, axis=0)
+    return np.asarray(jumps * np.sqrt(len(values) / (len(values) - 2)))
+
+
 def excess(variance: FloatArray, scatter: FloatArray, measured: BoolArray) -> FloatArray:
     """(N,) median over the lines of each FRF of the scatter (N, L) over the stated variance; NaN
     where none is stated.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return _row_medians(np.where(measured & np.isfinite(variance), scatter / variance, np.nan))
-
-
-def _row_medians(rows: FloatArray) -> FloatArray:
-    """(N,) median of each row without its NaNs, NaN of a row that is nothing else; numpy's own
-    sorts masked arrays, slowly.
-    """
-    ordered = np.sort(rows, axis=1)  # NaN comes last
-    count = np.sum(~np.isnan(rows), axis=1)
-    at = np.arange(len(rows))
-    low, high = (ordered[at, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2))
-    return np.asarray(np.where(count > 0, low / 2 + high / 2, np.nan))
+        return row_medians(np.where(measured & np.isfinite(variance), scatter / variance, np.nan))
 
 
 def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -> FloatArray:
@@ -517,7 +531,7 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     for place, node in enumerate(nodes):
         reach = int(np.clip(_REACH * (node + first_line), _NARROW, _WIDE))
         part = jump[:, max(0, node - reach) : node + reach + 1]
-        medians[:, place] = _row_medians(part)
+        medians[:, place] = row_medians(part)
     line = np.arange(-1, lines - 1)
     usual = np.mean(np.abs(values) ** 2, axis=1)
     out = np.empty((len(values), lines))

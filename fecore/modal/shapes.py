@@ -233,23 +233,31 @@ def _rank_one(
     for _ in range(60):  # more change no digit that counts
         information = np.maximum((weight * np.abs(factor[j]) ** 2) @ of_roving, tiny)
         vector = (weight * factor[j].conj() * entries) @ of_roving / information
-        if m == 1:  # it sees all dofs alike
-            return vector, 1 / np.sqrt(information), factor
+        if m == 1:
+            if _usual(information).all():  # it sees all dofs alike
+                return vector, 1 / np.sqrt(information), factor
+            break
         own = (weight * np.abs(vector[i]) ** 2) @ of_fixed
         factor = (weight * vector[i].conj() * entries) @ of_fixed / np.maximum(own, tiny)
         factor /= np.max(np.abs(factor))
     return *_shrunk(vector, information), factor
 
 
+def _usual(information: FloatArray) -> BoolArray:
+    """(p,) entries that are known about as well as most."""
+    return np.asarray(information * CLEAR**2 >= np.median(information))
+
+
 def _shrunk(vector: ComplexArray, information: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """Posterior means and standard deviations of entries whose prior spread is that of the entries
-    that are known.
+    that are known about as well as most.
 
-    ψ_i ~ N(0, s²), s² = Σ (w_i|ψ̂_i|² - 1)/Σ w_i with w_i = 1/var ψ̂_i. A dof that only a reference
-    near a node sees is noise
-    alone: it must not be the largest of the shape.
+    ψ_i ~ N(0, s²), s² the mean of |ψ̂_i|² - 1/w_i with w_i = 1/var ψ̂_i. A dof that only a reference
+    near a node sees, or an FRF that is noise or has no line there, is noise alone: it must not be
+    the largest of the shape.
     """
-    power = float(np.sum(information * np.abs(vector) ** 2 - 1) / np.sum(information))
+    usual = _usual(information)
+    power = float(np.mean((np.abs(vector) ** 2 - 1 / information)[usual]))
     if power <= 0:
         return vector, 1 / np.sqrt(information)
     total = information + 1 / power

@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.made_frfs import KINDS
+from fecore.correlation import mac
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import identify, set_with_gaps
@@ -160,3 +162,29 @@ def test_modal_constants_tell_that_all_frfs_are_another_quantity() -> None:
     wrong = replace(right.to_quantity("receptance"), quantity="accelerance")
     kinds = [[each.kind for each in identify(frfs).notes] for frfs in (right, wrong)]
     assert [each.count("quantity_of_all") for each in kinds] == [0, 1]
+
+
+@pytest.mark.parametrize("fault", ["noise", "half"])
+def test_one_frf_that_says_nothing_takes_no_mode_from_the_others(fault: str) -> None:
+    """It is noise thirty times as large as itself, or was measured to the middle of the band: then its own part
+    of the shapes is not known, and the others are as without it.
+    """
+    draw, row = KINDS["beam"](4), 3
+    values, rng = draw.frfs.values.copy(), np.random.default_rng(1)
+    if fault == "noise":
+        noise = rng.standard_normal((2, values.shape[1])) * np.sqrt(
+            np.mean(np.abs(values[row]) ** 2)
+        )
+        values[row] += 30 * (noise[0] + 1j * noise[1])
+    else:
+        values[row, values.shape[1] // 2 :] = 0
+    whole, spoilt = (
+        identify(frfs).found.modes for frfs in (draw.frfs, replace(draw.frfs, values=values))
+    )
+    assert spoilt.probability.min() > 0.9
+    np.testing.assert_allclose(spoilt.frequency_hz, whole.frequency_hz, rtol=1e-3)
+    high = slice(None) if fault == "noise" else whole.frequency_hz > draw.frfs.frequency_hz.mean()
+    other = np.arange(len(whole.dofs)) != row
+    for one, before in zip(spoilt.shapes[high], whole.shapes[high], strict=True):
+        assert mac(one[other, None], before[other, None])[0, 0] > 0.99
+        assert np.abs(one).argmax() != row
