@@ -21,6 +21,8 @@ from fecore.body.mesh import BEAMS, SHELLS, CellBlock, Mesh
 from fecore.body.structure import Structure
 from fecore.body.supports import DISPLACEMENTS, Link, Support
 
+_ALIKE = 0.5  # least cosine between two nodes' axes of which a node between has the mean
+
 
 @dataclass(frozen=True)
 class Refined:
@@ -221,7 +223,7 @@ class _Work:
         amid, mesh = np.vstack(self._amid), self._mesh
         edge = self._free_edges(blocks)
         sets = {name: self._joined(nodes, amid, edge) for name, nodes in mesh.node_sets.items()}
-        links = (*body.links, *self._links(body.links, amid))
+        links = (*body.links, *self._links(body.links, amid), *self._held(body, amid, edge))
         fine = Mesh(np.vstack(self._places), blocks, sets)
         between = tuple(self._between_supports(body.supports, fine, amid, edge))
         own = tuple(Support(name, dofs) for name, dofs, _ in between)
@@ -279,14 +281,39 @@ class _Work:
             inside[number] = inside[a] and inside[b] and not across
         return np.concatenate([nodes, self._old + np.flatnonzero(inside[self._old :])])
 
+    def _held(self, body: Structure, amid: IntArray, edge: BoolArray) -> Iterator[Link]:
+        """What holds new nodes along axes of their own: amid two that are held, in what both hold,
+        along the mean of their axes.
+        """
+        held: dict[int, tuple[FloatArray, frozenset[int]]] = {}
+        for support in body.supports:
+            for node in self._mesh.select(support.where).tolist():
+                _, others = held.get(node, (None, frozenset()))
+                held[node] = np.eye(3), others.union(support.dofs)
+        held |= {
+            link.node: (link.turn[:3, :3], frozenset(link.dofs))
+            for link in body.links
+            if not link.independent and link.equations is None
+        }
+        for number, (a, b) in enumerate(amid.tolist(), start=self._old):
+            across = edge[a] and edge[b] and not edge[number]
+            if a not in held or b not in held or across:
+                continue
+            axes, dofs = _mean_axes(held[a], held[b]), held[a][1] & held[b][1]
+            if axes is None or not dofs:
+                continue
+            held[number] = axes, dofs
+            if not np.array_equal(axes, np.eye(3)):  # else a support holds it
+                yield Link(number, (), tuple(sorted(dofs)), axes=axes)
+
     def _links(self, links: tuple[Link, ...], amid: IntArray) -> Iterator[Link]:
-        """Links of new nodes amid two that depend alike: on one node, on nodes with a node amid
-        them, or on none.
+        """Links of new nodes amid two that depend alike: on one node, or on nodes with a node amid
+        them.
         """
         known = {
             link.node: link
             for link in links
-            if len(link.independent) < 2 and link.equations is None
+            if len(link.independent) == 1 and link.equations is None
         }
         number_of = {(a, b): self._old + row for row, (a, b) in enumerate(amid.tolist())}
         for number, (a, b) in enumerate(amid.tolist(), start=self._old):
@@ -294,19 +321,41 @@ class _Work:
                 continue
             one, two = known[a], known[b]
             same = one.dofs == two.dofs and len(one.independent) == len(two.independent)
-            if not same or not np.array_equal(one.turn, two.turn):
+            dofs = frozenset(one.dofs)
+            axes = _mean_axes((one.turn[:3, :3], dofs), (two.turn[:3, :3], dofs))
+            if not same or axes is None:
                 continue
             if one.independent == two.independent:
-                known[number] = replace(one, node=number)
+                known[number] = replace(one, node=number, axes=axes)
             elif (
                 leader := number_of.get(
                     (min(one.independent + two.independent), max(one.independent + two.independent))
                 )
             ) is not None:
-                known[number] = replace(one, node=number, independent=(leader,))
+                known[number] = replace(one, node=number, independent=(leader,), axes=axes)
             else:
                 continue
             yield known[number]
+
+
+def _mean_axes(
+    one: tuple[FloatArray, frozenset[int]], two: tuple[FloatArray, frozenset[int]]
+) -> FloatArray | None:
+    """(3, 3) axes between those of two nodes, of which each has its held dofs too; None where they
+    are not alike.
+
+    All displacements, or all rotations, are held along whichever axes.
+    """
+    (own, _), (other, _) = one, two
+    for (_, dofs), axes in ((one, other), (two, own)):
+        if all(dofs.isdisjoint(each) or dofs.issuperset(each) for each in ((0, 1, 2), (3, 4, 5))):
+            return axes
+    if np.array_equal(own, other):
+        return own
+    if np.einsum("ik,ik->i", own, other).min() < _ALIKE:
+        return None
+    u, _, v = np.linalg.svd(own + other)
+    return np.asarray(u @ v)
 
 
 def _ends_and_middles(block: CellBlock) -> list[list[int]]:

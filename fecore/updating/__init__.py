@@ -17,6 +17,7 @@ Stage 1, elastic constants:
 - `elastic`: `fit_elastic`, from one start.
 - `elastic_starts`: from several starts, where one may end with modes paired wrongly; where to
   start without modes.
+- `other_optima`: other constants that meet the same frequencies.
 - `elastic_result`: what it gives, with its uncertainty by source.
 - `damage`, `damage_effects`: where the stiffness of a body has changed.
 

@@ -116,7 +116,9 @@ def _not_believed(elastic: ElasticResult) -> list[Finding]:
 
 
 def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
-    """Other partners that the data hardly refute, and that would give another material."""
+    """Other partners that the data hardly refute, and that would give another material; or another
+    material with the same.
+    """
     names = elastic.layout.shared
     for rival in elastic.admissible_rivals or elastic.rivals[:1]:
         apart, theta = rival.other.x - elastic.x, elastic.layout.material(rival.other.x)
@@ -128,6 +130,12 @@ def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
         )
         if other and rival.evidence <= REFUTED:
             spanned = "; the intervals span both" if elastic.admissible_rivals else ""
+            if rival.other.partners == elastic.partners:
+                return [
+                    finding(
+                        "rival_constants", other=other, evidence=rival.evidence, spanned=spanned
+                    )
+                ]
             return [finding("rival_pairing", other=other, evidence=rival.evidence, spanned=spanned)]
     return []
 

@@ -80,7 +80,9 @@ def prior_inclusion(layout: Layout, pairings: Sequence[Pairing]) -> tuple[FloatA
 
 @dataclass(frozen=True)
 class Rival:
-    """Another pairing of the modes, at the best point that a start with it came to."""
+    """Another pairing of the modes, at the best point that a start with it came to; or other
+    constants with the same pairing.
+    """
 
     other: ElasticResult  # the result there
     evidence: float  # logarithm of how much more the chosen point is supported
@@ -108,7 +110,8 @@ class ElasticResult:
     history: tuple[ConvergenceStep, ...]  # iterates, first to last
     # every start that was tried, this one among them; empty where there was no choice of starts
     starts: tuple[StartHistory, ...] = ()
-    # the best point of each other pairing that a start came to, the likest first
+    # the best point of each other pairing that a start came to, and other constants with the same
+    # pairing, the likest first
     rivals: tuple[Rival, ...] = ()
     # the partners that the fit held in each campaign; None where it paired the modes anew in every
     # turn

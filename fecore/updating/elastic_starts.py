@@ -14,6 +14,9 @@ fit is made with each of the pairings that it went to and fro between held. Ever
 evidence is near the best one's then takes part in the intervals
 (`ElasticResult.model_averaged_posterior`).
 
+Other constants may meet the same frequencies with the same partners (`other_optima`): the fit starts
+again where the shapes lead to or, where there are none, from constants exchanged.
+
 Where no modes can be identified, the FRFs say where to start (`starts_by_frfs`): their misfit has
 one narrow valley for each way in which model and measured resonances can be matched, and the
 logarithms of their magnitudes on few lines, where valleys are wide, rank draws from the prior.
@@ -48,6 +51,7 @@ from fecore.updating.forward import (
 from fecore.updating.laws import nearest_positive
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Recipe
+from fecore.updating.other_optima import are_one, by_shapes_too, with_constants_exchanged
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, spurious_mode_penalty
 from fecore.updating.result import StartHistory
 
@@ -57,6 +61,8 @@ _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard devia
 # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _STARTS, _VERIFIED = 6, 2
 _FIXED = 6  # pairings that are held
+# 1 - MAC of a shape that was measured well
+_UNLIKE = 0.01
 # relative error of a frequency by a mesh from which how it goes with the constants matters
 _OF_MESH = 0.003
 
@@ -91,7 +97,8 @@ def update_from_several_starts(
     1. `fit_elastic` from the prior means.
     2. Where its result is doubtful, and always without shapes: from the best draw of each different
        pairing, on the reduced basis as it is.
-    3. From where the partners may be exchanged for ones as likely, with these held.
+    3. From where the partners may be exchanged for ones as likely, with these held; and from where
+       constants may be exchanged.
     4. The best two with different partners are fitted anew, with the basis verified.
     5. The result is the best supported of those that are verified, with the others as its rivals.
        Where no start has a mode that is like a measured one, the likest are paired, so that a
@@ -118,18 +125,30 @@ def update_from_several_starts(
 
     # 1. The prior means.
     outcomes = [_first(layout, run)]
-    if isinstance(outcomes[0], Unsettled) or is_doubtful(outcomes[0]) or not layout.by_shapes:
+    doubtful = isinstance(outcomes[0], Unsettled) or is_doubtful(outcomes[0])
+    search_layout, elsewhere = layout.with_unverified_basis(), list[FloatArray]()
+    if layout.by_shapes and not use_shapes:
+        elsewhere = by_shapes_too(outcomes[0], search_layout)
+    if doubtful or elsewhere or not layout.by_shapes:
         # 2. Draws from the prior.
-        search_layout = layout.with_unverified_basis()
-        starts = _other_starts(search_layout, seed, _most_unpaired(outcomes[0]))
+        starts = (
+            _other_starts(search_layout, seed, _most_unpaired(outcomes[0]))
+            if doubtful or not layout.by_shapes
+            else []
+        )
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
         searched = [
             run(search_layout, start, *between)
             for start, between in zip(starts, pairwise(steps), strict=True)
         ]
-        # 3. Partners held.
+        # 3. Partners held, and constants exchanged.
         to_fix = _to_fix([*outcomes, *searched], layout)
         searched += [run(search_layout, start, 0.8, 0.8, partners) for partners, start in to_fix]
+        if not layout.by_shapes and (results := _ranked([*outcomes, *searched])):
+            elsewhere = with_constants_exchanged(results[0], search_layout)
+        known = _ranked([*outcomes, *searched])
+        ends = _ranked([run(search_layout, start, 0.8, 0.8) for start in elsewhere])
+        searched += [end for end in ends if not any(are_one(end, other) for other in known)]
         # 4. The best on a verified basis.
         worth = _worth_verifying([*outcomes, *searched])
         outcomes += [each for each in searched if not any(each is chosen for chosen in worth)]
@@ -297,13 +316,15 @@ def _as_start(outcome: Outcome, layout: Layout, *, chosen: bool) -> StartHistory
 
 
 def _rivals(best: ElasticResult, outcomes: Sequence[Outcome]) -> tuple[Rival, ...]:
-    """The best point of each pairing other than the chosen one, the likest first."""
-    others: dict[tuple[Partners, ...], ElasticResult] = {}
+    """The best point of each pairing, and other constants with the same, but for the chosen one;
+    the likest first.
+    """
+    others: list[ElasticResult] = []
     for each in _ranked(outcomes):
-        if each.partners != best.partners:
-            others.setdefault(each.partners, each)
+        if not any(are_one(each, known) for known in (best, *others)):
+            others.append(each)
     chosen = evidence(best)
-    return tuple(Rival(each, _behind(evidence(each), chosen)) for each in others.values())
+    return tuple(Rival(each, _behind(evidence(each), chosen)) for each in others)
 
 
 def _behind(rival: tuple[int, float], chosen: tuple[int, float]) -> float:
@@ -331,7 +352,9 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     """What less is better of: modes without a partner; then the misfit of residuals and prior, the
     discrepancy marginalised.
 
-    Where there are no shapes, modes of the model that were not seen count too, and how much a
+    Shapes that were not fitted have their part: of what they lack of a MAC of 1 the scale is
+    marginalised too, so that they decide where frequencies do not. Where there are none, modes of
+    the model that were not seen count too, and how much a
     pairing narrows the prior: one that meets the frequencies only where a constant is tuned to a
     per cent has a smaller part of the prior for it (MacKay, Neural Comput. 4, 1992; the Occam
     factor ½ ln |C_p| - ½ ln |H⁻¹|).
@@ -346,7 +369,10 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     )
     if result.layout.by_shapes:
         each = zip(result.layout.campaigns, result.pairings, strict=True)
-        return round(sum(float(c.probability(p.unpaired_measured).sum()) for c, p in each)), misfit
+        unpaired = sum(float(c.probability(p.unpaired_measured).sum()) for c, p in each)
+        squares = DISCREPANCY_DOF + float(problem.weights @ _lacking(result)) / _UNLIKE
+        misfit += (DISCREPANCY_DOF + float(problem.weights.sum())) / 2 * np.log(squares)
+        return round(unpaired), misfit
     narrowed = (
         -(
             np.linalg.slogdet(result.layout.precision(result.scatter))[1]
@@ -362,6 +388,12 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
         for c, p, state in parts
     )
     return 0, float(misfit + narrowed + undetected)
+
+
+def _lacking(result: ElasticResult) -> FloatArray:
+    """(n,) what the paired shapes lack of a MAC of 1."""
+    each = [[p.mac[i, j] for i, j in p.pairs] for p in result.pairings if p.mac is not None]
+    return np.asarray(1 - np.concatenate(each))
 
 
 def _other_starts(layout: Layout, seed: int, most_unpaired: float = np.inf) -> list[FloatArray]:

@@ -421,9 +421,9 @@ def _provenance(
         )
     if elastic.admissible_rivals:
         others = (
-            "1 other pairing"
+            "1 other solution"
             if len(elastic.admissible_rivals) == 1
-            else f"{len(elastic.admissible_rivals)} other pairings"
+            else f"{len(elastic.admissible_rivals)} other solutions"
         )
         words[OTHER_PARTNERS] = f"{others} that the frequencies do not rule out"
     if elastic.has_uncertain_modes:

@@ -154,6 +154,13 @@ MODES = {
         _DECIDE,
         link="campaign",
     ),
+    "rival_constants": _care(
+        40,
+        "the frequencies are nearly the same with other constants: {other} are nearly as likely"
+        " (their log evidence is lower by {evidence:.1f}){spanned}",
+        _DECIDE,
+        link="campaign",
+    ),
     "partners_swing": _care(
         30,
         "the partner of measured mode {which} alternated during the fit, because modes of the model"

@@ -489,7 +489,9 @@ class Partner:
 
 @dataclass(frozen=True)
 class RivalPairing:
-    """Other partners, at the best point that a start came to with them."""
+    """Other partners, at the best point that a start came to with them; or other constants with the
+    same.
+    """
 
     __pydantic_config__: ClassVar = DESCRIBED
 

@@ -32,6 +32,24 @@ def sizes(block: Elements, places: Floats) -> Floats:
     return np.asarray(np.linalg.norm(normals_of(x), axis=1) / 2)
 
 
+def mean_thickness(model: FiniteElementModel, name: str) -> float:
+    """Of a set of shells; where elements state thicknesses of their own, the mean of these over the
+    set's area.
+    """
+    section = model.sections[name]
+    assert isinstance(section, ShellSection), "beams have none"
+    nominal = sum(ply.thickness for ply in section.plies)
+    blocks = [block for block in model.elements if block.set == name]
+    if all(block.thickness is None for block in blocks):
+        return nominal
+    areas = [sizes(block, model.nodes) for block in blocks]
+    volume = sum(
+        float(area.sum() * nominal if b.thickness is None else area @ b.thickness.mean(axis=1))
+        for area, b in zip(areas, blocks, strict=True)
+    )
+    return volume / sum(float(area.sum()) for area in areas)
+
+
 def normals_of(x: Floats) -> Floats:
     """(e, 3) twice the area along the normal, of (e, n, 3) corners."""
     first, second = (

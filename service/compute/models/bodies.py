@@ -21,7 +21,7 @@ from fecore.body.structure import Structure, axes_of_walls
 from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
 from modalbase.formats.models import model as formats
-from modalbase.formats.models.check import free_motions
+from modalbase.formats.models.check import free_motions, mean_thickness
 from modalbase.formats.models.model import (
     BeamSection,
     Elements,
@@ -116,7 +116,7 @@ def section_of(model: FiniteElementModel, name: str) -> sections.ShellSection | 
     axis = _first_axis(model, name)
     if isinstance(section, BeamSection):
         return _beam(section, model.materials[section.material], axis)
-    return _shell(section, model, axis)
+    return _shell(section, model, axis, mean_thickness(model, name))
 
 
 def _first_axis(model: FiniteElementModel, name: str) -> tuple[float, float, float]:
@@ -125,14 +125,18 @@ def _first_axis(model: FiniteElementModel, name: str) -> tuple[float, float, flo
 
 
 def _shell(
-    section: ShellSection, model: FiniteElementModel, axis: tuple[float, float, float]
+    section: ShellSection,
+    model: FiniteElementModel,
+    axis: tuple[float, float, float],
+    thickness: float,
 ) -> sections.ShellSection:
-    extra = section.extra_mass / sum(ply.thickness for ply in section.plies)
-    plies = []
+    """The section with its mean thickness, to which the elements' own are relative."""
+    extra, plies = section.extra_mass / thickness, []
+    share = thickness / sum(ply.thickness for ply in section.plies)
     for ply in section.plies:
         own = orthotropic(model.materials[ply.material])
         plies.append(
-            CorePly(replace(own, density=own.density + extra), ply.thickness, ply.angle_deg)
+            CorePly(replace(own, density=own.density + extra), share * ply.thickness, ply.angle_deg)
         )
     return sections.ShellSection(tuple(plies), axis, section.offset)
 
@@ -180,7 +184,7 @@ def _block(elements: Elements, model: FiniteElementModel) -> CellBlock:
     section = model.sections[elements.set]
     thickness = elements.thickness
     if thickness is not None and isinstance(section, ShellSection):
-        thickness = thickness / sum(ply.thickness for ply in section.plies)
+        thickness = thickness / mean_thickness(model, elements.set)
     same = np.allclose(elements.axes, _first_axis(model, elements.set), rtol=0, atol=1e-9)
     axes = None if same else elements.axes
     return CellBlock(elements.kind, elements.nodes, elements.set, thickness, axes, elements.offsets)

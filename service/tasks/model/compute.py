@@ -13,7 +13,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
-from modalbase.formats.models.check import sizes
+from modalbase.formats.models.check import mean_thickness, sizes
 from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection, Where
 from modalbase.formats.models.questions import (
     massless,
@@ -204,14 +204,14 @@ def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
         )
         own = {"materials": [section.material], "length_m": size, "section_area_m2": section.area}
         return {**members, **own, "mass_kg": per_length * size, **_place(section.where)}
-    per_area = (
-        float(_densities(model, section) @ [ply.thickness for ply in section.plies])
-        + section.extra_mass
-    )
+    plies = [ply.thickness for ply in section.plies]
+    thickness = mean_thickness(model, name)
+    density = float(_densities(model, section) @ plies) / sum(plies)
+    per_area = density * thickness + section.extra_mass
     own = {
         "materials": list(dict.fromkeys(ply.material for ply in section.plies)),
         "area_m2": size,
-        "thickness_m": sum(ply.thickness for ply in section.plies),
+        "thickness_m": thickness,
         "plies": len(section.plies),
     }
     return {**members, **own, "mass_kg": per_area * size, **_place(section.where)}

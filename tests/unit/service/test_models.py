@@ -19,6 +19,7 @@ from service.compute.models.decks import DeckOrder, updated_deck
 from service.compute.models.keeping import kept, model_of
 from service.nouns.structures.schemas import StructureIn
 from service.nouns.updates.bodies import nominal_body
+from service.tasks.model.compute import describe
 from tests.support.profiles import ANGLE, deck
 from tests.support.stored_solids import frequencies
 from tests.unit.formats.models.decks import SQUARE
@@ -99,6 +100,22 @@ def test_sets_of_an_isotropic_material_have_one_free_modulus() -> None:
     body = body_of_model(read_inp(STEEL))
     free = [each.name for each in body.default_parameters() if each.tied_to is None]
     assert free == ["plate.E1", "bar.E"]
+
+
+def test_a_thickness_that_all_elements_override_says_nothing() -> None:
+    """As of a deck whose nodes state theirs: neither mass, drilling nor the description knows it."""
+    (plate, *_), (*_, rest) = STEEL.split(b"*ELEMENT, TYPE=B31"), STEEL.split(b"*MATERIAL, NAME")
+    thick = plate + b"*MATERIAL, NAME" + rest.split(b"*BEAM SECTION")[0]
+    nodes = b"*NODAL THICKNESS\n" + b"".join(b"%d, 0.01\n" % node for node in range(1, 7))
+    stated = thick.replace(b"STEEL\n0.01", b"STEEL, NODAL THICKNESS\n0.4") + nodes
+    models = read_inp(thick), read_inp(stated)
+    plain, own = (body_of_model(model) for model in models)
+    assert frequencies(own, 6) == pytest.approx(frequencies(plain, 6), rel=1e-9)  # round-off
+    (skin,), (described,) = (
+        describe(model, body)["sets"] for model, body in zip(models, (plain, own), strict=True)
+    )
+    assert described["mass_kg"] == pytest.approx(skin["mass_kg"], rel=1e-12)
+    assert described["thickness_m"] == pytest.approx(0.01, rel=1e-12)
 
 
 def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:

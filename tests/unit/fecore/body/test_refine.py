@@ -166,3 +166,45 @@ def test_supports_hold_the_new_nodes_amid_them_and_no_others() -> None:
     dependent = refined(replace(body, links=links)).body.links
     assert len(dependent) == 3
     assert all(link.independent == links[0].independent for link in dependent)
+
+
+def test_supports_along_axes_of_their_own_hold_the_new_nodes_too() -> None:
+    """A plate that stands askew, and an arc whose nodes each have axes of their own."""
+    body = deck("tapered", 4, 3, "quad4")
+    x = body.mesh.nodes
+    root, side = np.flatnonzero(x[:, 0] == 0), np.flatnonzero(np.isclose(x[:, 1], x[:, 1].min()))
+    sets = {"root": root, "side": side}
+    along = Structure(
+        replace(body.mesh, node_sets=sets),
+        body.sections,
+        (Support("root"), Support("side", ("w", "rx"))),
+    )
+    c, s = np.cos(0.5), np.sin(0.5)
+    axes = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    held = {int(node): (2, 3) for node in side} | {int(node): (0, 1, 2, 3, 4, 5) for node in root}
+    sections = {
+        name: replace(section, axis=tuple(axes.T @ section.axis))
+        for name, section in body.sections.items()
+    }
+    askew = Structure(
+        replace(body.mesh, nodes=x @ axes),
+        sections,
+        links=tuple(Link(node, (), dofs, axes=axes) for node, dofs in held.items()),
+    )
+    hz = frequencies(refined(along).body, 6)
+    assert frequencies(refined(askew).body, 6) == pytest.approx(hz, rel=1e-6)  # round-off
+
+    arc = deck("curved", 2, 4, "quad4")
+    y, z = arc.mesh.nodes[:, 1], arc.mesh.nodes[:, 2]
+    end = np.flatnonzero(arc.mesh.nodes[:, 0] == 0)
+    radial = [
+        np.array([[1, 0, 0], [0, y[i], z[i]], [0, -z[i], y[i]]]) / [[1], [RADIUS], [RADIUS]]
+        for i in end
+    ]
+    links = [Link(int(i), (), (1, 3), axes=own) for i, own in zip(end, radial, strict=True)]
+    new = refined(replace(arc, links=tuple(links))).body
+    assert len(new.links) == 2 * len(end) - 1
+    for link in new.links:
+        outward = new.mesh.nodes[link.node] * [0, 1, 1] / RADIUS
+        assert link.turn[1, :3] == pytest.approx(outward, abs=1e-3)  # the arc is a parabola there
+        assert link.dofs == (1, 3)
