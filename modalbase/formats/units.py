@@ -74,16 +74,18 @@ RESPONSE: dict[Quantity, Dimension] = {
 _PSI = POUND_FORCE / INCH**2
 _NAMES: dict[Dimension, dict[str, float]] = {
     LENGTH: {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9,
-             "in": INCH, "inch": INCH, "inches": INCH, "mil": 1e-3 * INCH, "mils": 1e-3 * INCH, "ft": FOOT},
+             "in": INCH, "inch": INCH, "inches": INCH, "mil": 1e-3 * INCH, "mils": 1e-3 * INCH, "µin": 1e-6 * INCH,
+             "uin": 1e-6 * INCH, "ft": FOOT},
     TIME: {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
            "min": 60.0, "h": 3600.0},
-    FREQUENCY: {"Hz": 1.0, "kHz": 1e3, "cps": 1.0, "rpm": 1 / 60, "cpm": 1 / 60},
-    NUMBER: {"1": 1.0, "strain": 1.0, "%": 1e-2, "‰": 1e-3, "mstrain": 1e-3, "µε": 1e-6, "ue": 1e-6, "µstrain": 1e-6,
-             "ustrain": 1e-6, "microstrain": 1e-6},
+    FREQUENCY: {"Hz": 1.0, "hertz": 1.0, "mHz": 1e-3, "kHz": 1e3, "MHz": 1e6, "cps": 1.0, "rpm": 1 / 60, "cpm": 1 / 60},
+    NUMBER: {"1": 1.0, "strain": 1.0, "%": 1e-2, "percent": 1e-2, "‰": 1e-3, "ppm": 1e-6, "mstrain": 1e-3,
+             "µε": 1e-6, "ue": 1e-6, "µstrain": 1e-6, "ustrain": 1e-6, "microstrain": 1e-6},
     Dimension(mass=1): {"kg": 1.0},
     FORCE: {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "daN": 10.0, "newton": 1.0, "newtons": 1.0,
             "lbf": POUND_FORCE, "lb": POUND_FORCE, "lbs": POUND_FORCE, "kip": 1e3 * POUND_FORCE,
             "kips": 1e3 * POUND_FORCE, "klbf": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY, "kp": STANDARD_GRAVITY},
+    FORCE.times(LENGTH): {"Nm": 1.0, "kNm": 1e3, "Nmm": 1e-3},
     ACCELERATION: {"g": STANDARD_GRAVITY, "gn": STANDARD_GRAVITY, "g0": STANDARD_GRAVITY, "g's": STANDARD_GRAVITY,
                    "gs": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "µg": 1e-6 * STANDARD_GRAVITY,
                    "ug": 1e-6 * STANDARD_GRAVITY, "gal": 1e-2},
@@ -98,7 +100,7 @@ _ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians", "cycles"), 1.0),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), radians(1)),
 }
-_TWO_CASES = {"mn", "mpa", "msi"}  # of which the first letter says milli or mega
+_TWO_CASES = {"mn", "mpa", "msi", "mhz", "nm"}  # two units by the case of a letter: nm and Nm
 _SPELLED = {"MPA": "MPa", "Mpa": "MPa", "MSI": "Msi"}
 _COMPOSED: dict[Measured, tuple[str, ...]] = {
     "acceleration": ("m/s²", "mm/s²", "in/s²"),
@@ -106,7 +108,10 @@ _COMPOSED: dict[Measured, tuple[str, ...]] = {
     "stress": ("N/mm²",),
     "strain": ("mm/mm", "µm/m"),
 }
-_TOKEN = re.compile(r"\s*(\*\*|[()*/·^.-]|[²³]|g0|[0-9]+|[%‰°]|[^\W\d_²³]+(?:'s)?)", re.IGNORECASE)
+_FACTOR = r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?"
+_TOKEN = re.compile(
+    rf"\s*(\*\*|[()*/·^.-]|[²³]|g0|{_FACTOR}|[%‰°]|[^\W\d_²³]+(?:'s)?)", re.IGNORECASE
+)
 _ONE_SIGN = str.maketrans({"μ": "µ", "ɛ": "ε", "⋅": "·", "×": "*", "∕": "/", "−": "-"})
 NO_UNIT = {"", "none", "unknown", "user_defined", "-"}
 """What programs write where they have no unit, in small letters."""
@@ -145,6 +150,8 @@ def read_unit(text: str) -> Unit | None:
     Unit(factor=0.001, dimension=Dimension(length=1, mass=0, time=-2, voltage=0))
     >>> read_unit("LBF").quantity, read_unit("g").quantity, read_unit("mV").quantity, read_unit("EU")
     ('force', 'acceleration', 'voltage', None)
+    >>> read_unit("20*m").factor, read_unit("50 mm")  # a size beside a name is no unit
+    (20.0, None)
     """
     tokens: list[str] = []
     position = 0
@@ -213,6 +220,32 @@ def factor_of(quantity: Measured, unit: str) -> float | None:
         return None
     turns = quantity == "frequency" and re.search(r"rad|deg|°", unit.lower())
     return read.factor / 6.283185307179586 if turns else read.factor
+
+
+_LEVEL = re.compile(r"(?<![^\W\d_])(?:dB|(?i:db)(?![^\W\d_]))[\s,/:]*(.*)")  # dBg is one of g
+_WRAPPED = re.compile(r"[(\[{]([^()\[\]{}]*(?:\([^()]*\)[^()\[\]{}]*)*)[)\]}]")
+_REFERENCE = re.compile(
+    rf"(?:re(?:f(?:erence)?)?\.?(?![a-z]))?[\s=:]*(?:({_FACTOR})(?!\s*/)|1\.)?\s*(.*)",
+    re.IGNORECASE,
+)
+
+
+def level_of(text: str) -> str | None:
+    """The unit of the amplitude at 0 dB, "" where a level states none; None of what is no level.
+
+    >>> level_of("dB re 1 g/N"), level_of("dB (m/s²/N)"), level_of("dBg/N"), level_of("dB"), level_of("g/N")
+    ('g/N', 'm/s²/N', 'g/N', '', None)
+    >>> level_of("dB, ref=1.0E-6 m/s²/N"), level_of("DB (re 20 (µm/s)/N)"), level_of("dB//1 (m/s)/N")
+    ('1e-06*(m/s²/N)', '20*((µm/s)/N)', '(m/s)/N')
+    """
+    level = _LEVEL.search(text)
+    if level is None:
+        return None
+    wrapped = _WRAPPED.fullmatch(level[1].strip())
+    reference = _REFERENCE.fullmatch(wrapped[1].strip() if wrapped else level[1].strip())
+    assert reference is not None, "everything in it may be missing"
+    number, unit = float(reference[1] or 1), plain(reference[2])
+    return f"{number:g}*({unit})" if unit and number != 1 else unit
 
 
 def values_of(quantity: Measured, names: str) -> dict[str, float]:
@@ -307,6 +340,8 @@ def _product(tokens: list[str]) -> tuple[Unit | None, list[str]]:
     total = Unit(1.0, NUMBER)
     power = 1
     expect = True
+    if tokens[1:2] == ["*"] and re.fullmatch(_FACTOR, tokens[0], re.IGNORECASE):
+        total, expect, tokens = Unit(float(tokens[0]), NUMBER), False, tokens[1:]
     while tokens and tokens[0] != ")":
         if tokens[0] in ("*", "·", "/", "-", "."):
             if expect:

@@ -267,6 +267,9 @@ WORDS = [
         "Block;1024\nX Unit;Hz;Y Unit;g/N\n\nFrequency (Hz);Real (g/N);Imag (g/N)",
         (HZ, H.real / GRAVITY, H.imag / GRAVITY),
     ),
+    ("Frequency [mHz];Level [dB, ref=1e-6 m/s²/N];Phase [°]", (1000 * HZ, LEVEL + 120, DEGREES)),
+    ("Freq [Hz];Mag (dBg/N);Phase [°]", (HZ, LEVEL - 20 * np.log10(GRAVITY), DEGREES)),
+    ("Frecuencia (Hz);Magnitud dB//1 (m/s²)/N;Fase (grados)", (HZ, LEVEL, DEGREES)),
 ]
 
 
@@ -277,6 +280,44 @@ def test_units_that_say_what_the_columns_are(tmp_path: Path, heading: str, table
     path.write_text("\n".join([heading, *rows]))
     (frf,) = imported(path)
     np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
+
+
+PAIRED = {"real": ["Re H2 (g/N)", "Re H3 (g/N)"], "imaginary": ["Im H2 (g/N)", "Im H3 (g/N)"]}
+ALIKE = r"/mapping/frf: has .*import what is alike by a mapping of its own"
+COLUMNS = [  # headings of columns that hold H, with g/N where they say it, and what is proposed, or why not
+    ("f (Hz);Re H2 (g/N);Re H3 (g/N);Im H3 (g/N);Im H2 (g/N)", "frriii", PAIRED),
+    ("f (Hz);Re 2 (g/N);Im 2 (g/N);Re 3 (m/s²/N);Im 3 (m/s²/N)", "fririi", ALIKE),
+    ("f (Hz);Re (g/N);Im (m/s/N)", "fri", ALIKE),
+    ("f (Hz);Mag 2 (g/N);Phase 2 (deg);Mag 3 (g/N);Phase 3 (rad)", "fmpmp", ALIKE),
+    ("f (Hz);Mag 2 (g/N);Phase 2 (deg);Mag 3 (dB re 1 g/N);Phase 3 (deg)", "fmpmp", ALIKE),
+    ("f (Hz);Re (g/N);Im (g/N);f (Hz);Re (g/N);Im (g/N)", "frigri",
+     r"f \(Hz\) 2: is 1 in row 1 of the data, and f \(Hz\) is 0.5; import the FRFs of each axis"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("heading", "columns", "outcome"), COLUMNS)
+def test_what_each_column_says_counts(
+    tmp_path: Path, heading: str, columns: str, outcome: Any
+) -> None:
+    path = tmp_path / "H.csv"
+    parts = {"f": HZ, "g": 2 * HZ, "r": H.real, "i": H.imag, "m": np.abs(H), "p": np.angle(H)}
+    table = np.transpose([parts[column] for column in columns]).tolist()
+    path.write_text("\n".join([heading, *(";".join(map(repr, row)) for row in table)]))
+    (found,) = read(path)
+    if isinstance(outcome, dict):
+        assert found.mapping["frf"] == outcome
+        return
+    points = [2, 3] if isinstance(found.mapping["response_point"], list) else 2
+    with pytest.raises(Invalid, match=outcome):
+        read(path, {**found.mapping, **DOFS, "response_point": points}, dry_run=False)
+
+
+def test_parts_in_matrices_are_parts(tmp_path: Path) -> None:
+    path = tmp_path / "H.mat"
+    table = np.stack([H, 2 * H], axis=1)
+    savemat(path, {"f": HZ, "H_mag_dB": 20 * np.log10(abs(table)), "H_phase_rad": np.angle(table)})
+    frfs = imported(path, response_point=[2, 3], unit="m/s²/N")
+    np.testing.assert_allclose([decode(frf.spectrum) for frf in frfs], table.T, rtol=1e-6)
 
 
 @pytest.mark.parametrize("cell", ["1.5e-3-2.0e-3i", "(1.5e-3+2.0e-3j)"])

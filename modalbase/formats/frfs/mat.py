@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.frfs.parts import PARTS, combined, is_parts, names_of, unit_of_values
+from modalbase.formats.frfs.parts import PARTS, combined, is_parts, unit_in_file
 from modalbase.formats.frfs.proposal import is_empty, propose_frfs
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.arrays import Variables, is_named, variable
@@ -147,8 +147,7 @@ def _scale(
     ):
         raise FormatError("mapping.factor", f"is {factor!r}, expected a number other than 0")
     given: dict[str, str] = document["frf"]  # of which the values were read
-    valued = names_of(given)[0]
-    in_file = unit_of_values(unit_beside(valued, texts), valued)
+    in_file = unit_in_file(given, texts)
     stated = document.get("unit") or ""
     if not isinstance(stated, str):
         raise FormatError(

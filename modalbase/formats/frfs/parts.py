@@ -10,7 +10,7 @@ for.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -18,13 +18,21 @@ import numpy as np
 from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.errors import FormatError
 from modalbase.formats.tables import TextTable
-from modalbase.formats.units import FORCE, RESPONSE, factor_of, plain, read_unit, unit_in_name
+from modalbase.formats.units import (
+    FORCE,
+    RESPONSE,
+    factor_of,
+    level_of,
+    read_unit,
+    unit_beside,
+    unit_in_name,
+)
 
 Part = Literal["real", "imaginary", "magnitude", "phase"]
 PARTS: tuple[tuple[Part, Part], ...] = (("real", "imaginary"), ("magnitude", "phase"))
 _HOW = ("scale", "phase_unit")
 _WORDS: dict[Part, tuple[str, ...]] = {
-    "phase": ("phase", "phas", "angle", "winkel", "arg"),
+    "phase": ("phas", "fase", "angle", "winkel", "arg"),
     "imaginary": ("imag", "im"),
     "real": ("real", "réel", "re"),
     "magnitude": ("mag", "amp", "betrag", "modul", "abs", "gain"),
@@ -32,10 +40,9 @@ _WORDS: dict[Part, tuple[str, ...]] = {
 _FREQUENCY = ("freq", "fréq", "frequenz")
 _ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
-    **dict.fromkeys(("deg", "°", "degree", "degrees", "grad"), np.pi / 180),
+    **dict.fromkeys(("deg", "°", "degree", "degrees", "grad", "gradi", "grados"), np.pi / 180),
 }
 _LARGEST_STEP = 1.01 * 2 * np.pi  # between the phases of neighbouring lines, rad
-_DECIBEL = re.compile(r"\bdB\b\s*(?:re\.?)?\s*(?:1(?:\.0*)?(?![\d.e]))?\s*(.*)", re.IGNORECASE)
 _PAIR = re.compile(r"([\w.:+-]+)\s*/\s*([\w.:+-]+)")
 Texts = Mapping[str, str]
 
@@ -87,6 +94,7 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
     for pair in PARTS:
         columns = [by_part[part] for part in pair]
         if columns[0] and len(columns[0]) == len(columns[1]):
+            columns[1] = _beside(*columns)
             mapping: dict[str, Any] = {
                 part: listed[0] if len(listed) == 1 else listed
                 for part, listed in zip(pair, columns, strict=True)
@@ -98,20 +106,69 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
     return None
 
 
+def _beside(first: list[str], second: list[str]) -> list[str]:
+    """The second parts in the order of the first ones, where what else their names say pairs them."""
+    others = {_without_part(name): name for name in second}
+    own = [_without_part(name) for name in first]
+    return [others[rest] for rest in own] if set(own) == others.keys() else second
+
+
+def _without_part(name: str) -> tuple[str, ...]:
+    """The words and numbers of a column's name but those that say which part it is."""
+    words = re.findall(r"[^\W\d_]+|\d+|[+-]", unit_in_name(name)[0].lower())
+    return tuple(word for word in words if _part_of_word(word) is None)
+
+
 def _is_ratio(name: str, texts: Texts) -> bool:
     """Whether a column's unit is that of a response over a force."""
     unit = read_unit(_text_beside(name, texts) or unit_in_name(name)[1])
     return unit is not None and unit.dimension.times(FORCE, 1) in RESPONSE.values()
 
 
-def names_of(given: Mapping[str, Any]) -> list[str]:
-    """Columns that hold values of FRFs with their unit: real parts or magnitudes, or complex
-    ones.
+def names_of(given: Mapping[str, Any], *members: str) -> list[str]:
+    """Columns that a mapping names; by default those that hold values of FRFs with their unit: real
+    parts or magnitudes, or complex ones.
     """
-    listed: Any = next(
-        (given[name] for name in ("variable", "real", "magnitude") if name in given), []
-    )
-    return [str(name) for name in (listed if isinstance(listed, list) else [listed])]
+    listed: list[Any] = [
+        given[name] for name in members or ("variable", "real", "magnitude") if name in given
+    ]
+    return [str(name) for each in listed for name in (each if isinstance(each, list) else [each])]
+
+
+def unit_in_file(given: Mapping[str, Any], texts: Texts) -> str:
+    """The unit of the values that the file states, without its decibels; "" where it states none.
+
+    Raises:
+        FormatError: columns state two.
+    """
+
+    def stated(name: str) -> str:
+        return unit_of_values(unit_beside(name, texts), name)
+
+    columns = names_of(given, "variable", "real", "imaginary", "magnitude")
+    return _one_of_all(columns, stated, lambda text: read_unit(text) or text) or ""
+
+
+def _one_of_all(
+    columns: list[str], stated: Callable[[str], str | None], meaning: Callable[[str], Any]
+) -> str | None:
+    """What columns state of which the FRFs have one; None where none states it.
+
+    Raises:
+        FormatError: two state what means different things; names both.
+    """
+    known: dict[Any, tuple[str, str]] = {}
+    for column in columns:
+        if text := stated(column):
+            known.setdefault(meaning(text), (column, text))
+    if len(known) > 1:
+        (one, text), (other, another) = list(known.values())[:2]
+        raise FormatError(
+            "mapping.frf",
+            f"has {one!r} in {text} and {other!r} in {another}: import what is alike by a mapping of"
+            " its own, or correct the file",
+        )
+    return next((text for _, text in known.values()), None)
 
 
 def unit_of_values(text: str, name: str = "") -> str:
@@ -120,13 +177,14 @@ def unit_of_values(text: str, name: str = "") -> str:
 
     >>> unit_of_values("dB re 1 g/N"), unit_of_values("dB (m/s²/N)"), unit_of_values("g/N"), unit_of_values("dB")
     ('g/N', 'm/s²/N', 'g/N', '')
-    >>> unit_of_values("", "H1 [dB re 1 g/N]")
-    'g/N'
-    >>> unit_of_values("", "H1 [dB re 1 (m/s²)/N]")
-    '(m/s²)/N'
+    >>> unit_of_values("", "H1 [dB re 1 g/N]"), unit_of_values("m/s²", "H1 dB//1 (m/s²)/N")
+    ('g/N', '(m/s²)/N')
     """
-    match = _DECIBEL.search(text or _brackets_with_decibels(name))
-    return plain(match[1]) if match else text
+    level = level_of(text or _brackets_with_decibels(name))
+    in_name = level_of(name) or ""
+    if level is None and read_unit(in_name):
+        return in_name
+    return text if level is None else level
 
 
 def is_parts(given: Any) -> bool:
@@ -147,15 +205,19 @@ def combined(
     if "real" in given:
         return one + 1j * two
     scale = given.get("scale")
-    own = _stated_scale(names_of(given)[0], texts)
+    own = _one_of_all(names_of(given), lambda name: _stated_scale(name, texts), str)
     if scale not in (None, "linear", "dB"):
         raise FormatError("mapping.frf.scale", f"is {scale!r}, expected linear or dB")
     if scale and own and scale != own:
         raise FormatError(
             "mapping.frf.scale", f"is {scale}, and the file says {own}; which is right?"
         )
-    phase = given["phase"][0] if isinstance(given["phase"], list) else given["phase"]
-    stated, in_file = given.get("phase_unit"), _stated_angle(phase, texts)
+    stated, in_file = (
+        given.get("phase_unit"),
+        _one_of_all(
+            names_of(given, "phase"), lambda name: _stated_angle(name, texts), _ANGLES.__getitem__
+        ),
+    )
     step = float(np.max(np.abs(np.diff(two, axis=1)), initial=0.0))
     no_radians = step > _LARGEST_STEP
     if no_radians and _ANGLES.get(str(stated or in_file).lower()) == 1.0:
@@ -185,17 +247,17 @@ def combined(
 
 
 def _text_beside(name: str, texts: Texts) -> str:
-    return texts.get(f"{name}_unit", "") or _brackets_with_decibels(name)
+    return unit_beside(name, texts) or _brackets_with_decibels(name)
 
 
 def _brackets_with_decibels(name: str) -> str:
-    match = re.search(r"[(\[](\s*dB\b.*)[)\]]", name, re.IGNORECASE)
-    return match[1] if match else ""
+    match = re.search(r"[(\[](\s*dB.*)[)\]]", name, re.IGNORECASE)
+    return match[1] if match and level_of(match[1]) is not None else ""
 
 
 def _stated_scale(name: str, texts: Texts) -> str | None:
     """DB or linear, as the file states; None where it states neither."""
-    if re.search(r"(?<![a-z])dB(?![a-z])", f"{name} {_text_beside(name, texts)}", re.IGNORECASE):
+    if level_of(f"{name} {_text_beside(name, texts)}") is not None:
         return "dB"
     return "linear" if _text_beside(name, texts) or unit_in_name(name)[1] else None
 
@@ -211,14 +273,19 @@ def _stated_angle(name: str, texts: Texts) -> str | None:
 def _part_of(name: str, texts: Texts) -> Part | None:
     if _text_beside(name, texts).lower() in _ANGLES:
         return "phase"
-    if re.search(r"\bdB\b", _text_beside(name, texts), re.IGNORECASE):
+    if level_of(_text_beside(name, texts)) is not None:
         return "magnitude"
     words = re.findall(r"[^\W\d_]+", unit_in_name(name)[0].lower())
-    for part, starts in _WORDS.items():
-        if any(
-            word == start if len(start) == 2 else word.startswith(start)
-            for word in words
-            for start in starts
-        ):
-            return part
-    return None
+    known = {_part_of_word(word) for word in words}
+    return next((part for part in _WORDS if part in known), None)
+
+
+def _part_of_word(word: str) -> Part | None:
+    return next(
+        (
+            part
+            for part, starts in _WORDS.items()
+            if any(word == s if len(s) == 2 else word.startswith(s) for s in starts)
+        ),
+        None,
+    )

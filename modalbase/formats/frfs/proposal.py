@@ -54,7 +54,7 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
     frf = min(
         complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None
     )
-    columns = [name for name, array in variables.items() if 1 < array.size == max(array.shape)]
+    columns = [n for n, a in variables.items() if a.dtype.kind in "fiu" and a.size > 1]
     mapping["frf"] = propose_parts(columns, texts) if frf is None else {"variable": frf}
     valued = names_of(mapping["frf"] or {})
     if valued and (unit := unit_of_values(unit_beside(valued[0], texts), valued[0])):
@@ -70,7 +70,7 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
     ]
     if coherence := [n for n in alike if "coh" in n.lower()] or ratios:
         mapping["coherence"] = {"variable": coherence[0]}
-    count = len(valued) or 1 if frf is None else variables[frf].size // max(variables[frf].shape)
+    count = sum(variables[name].size // max(variables[name].shape) for name in valued) or 1
     return mapping | _dofs(texts, count)
 
 

@@ -15,6 +15,7 @@ from modalbase.formats.records.proposal import is_time
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.tables import Stated, TextTable, open_table
 from modalbase.formats.types import FloatArray
+from modalbase.formats.units import Measured, factor_of, unit_in_name
 
 
 @dataclass(frozen=True)
@@ -57,30 +58,47 @@ class TextRecording:
             if column.is_time or is_time(column.name, self.units)
         ]
 
-    def require_one_clock(self, names: Collection[str]) -> None:
-        """Refuse channels whose time axes differ; the axis of a channel is the next on its left.
+    def require_one_axis(
+        self,
+        names: Collection[str],
+        mapped: str | None = None,
+        frequencies: Collection[str] = (),
+    ) -> None:
+        """Refuse columns whose axes differ; the axis of a column is the next on its left.
+
+        Args:
+            names: of the columns.
+            mapped: the axis that they are taken to have.
+            frequencies: their axes where these are not of time.
 
         Raises:
             FormatError: as said; names the row from which they differ.
         """
-        axis, axes = "", self._axes
-        own: list[str] = []
+        axis, axes = "", frequencies or self._axes
+        quantity: Measured = "frequency" if frequencies else "time"
+        own = [mapped] if mapped is not None and mapped in axes else []
         for name in self.names if len(axes) > 1 else ():
             axis = name if name in axes else axis
             if name in names and axis not in ("", *own):
                 own.append(axis)
         first = 0
+        units = (unit_in_name(name, quantity)[1] or self.units.get(name, "") for name in own)
+        factors = np.array([factor_of(quantity, unit) or 1.0 for unit in units])
         for numbers in self.table.parts(own, FRAMES) if len(own) > 1 else ():
-            part = np.frombuffer(numbers).reshape(-1, len(own))
+            part = np.frombuffer(numbers).reshape(-1, len(own)) * factors
             step = np.nanmedian(np.abs(np.diff(part[:, 0]))) if len(part) > 1 else 0.0
             apart = ~(np.abs(part - part[:, :1]) <= step / 2)
             if (bad := np.argwhere(apart)).size:
                 row, column = bad[0]
+                why = (
+                    "import the FRFs of each axis by a mapping of their own"
+                    if frequencies
+                    else "the channels of a hit are on one clock: export them on one time axis"
+                )
                 raise FormatError(
                     own[column],
                     f"is {part[row, column]:g} in row {first + row + 1} of the data, and {own[0]} is"
-                    f" {part[row, 0]:g}; the channels of a hit are on one clock: export them on one"
-                    " time axis",
+                    f" {part[row, 0]:g}; {why}",
                 )
             first += len(part)
 
@@ -117,7 +135,7 @@ class TextRecording:
         Raises:
             FormatError: it is no rate, or the channels are on several clocks.
         """
-        self.require_one_clock(names)
+        self.require_one_axis(names, mapped=stated if isinstance(stated, str) else None)
         own: Variables = {} if self.rate_hz is None else {SAMPLE_RATE: np.array(self.rate_hz)}
         if isinstance(stated, str) and stated in self.names:
             own[stated] = np.concatenate([part[0] for part in self.chunks([stated])])

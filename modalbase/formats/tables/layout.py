@@ -26,13 +26,12 @@ from modalbase.formats.tables.numbers import Kind, is_complex, is_number, kind_o
 from modalbase.formats.tables.preamble import (
     Row,
     bare_unit,
-    is_decibel,
     is_units,
     labelled_units,
     padded,
     rate_of,
 )
-from modalbase.formats.units import read_unit
+from modalbase.formats.units import level_of, read_unit
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "blank": " ", "comma": ","}
 """Names of separators, the likelier first: where two split a table alike, the first counts."""
@@ -367,7 +366,8 @@ class _Split:
             seen[name] += 1
             names.append(name if seen[name] == 1 else f"{name} {seen[name]}")
         units = [
-            cell if read_unit(cell) or is_decibel(cell) else "" for cell in padded(units_row, width)
+            cell if read_unit(cell) or level_of(cell) is not None else ""
+            for cell in padded(units_row, width)
         ]
         return names, [bare_unit(unit) for unit in units], units_row
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from modalbase.formats.tables.numbers import is_number, number_reader
-from modalbase.formats.units import NO_UNIT, factor_of, read_unit, unit_in_name
+from modalbase.formats.units import NO_UNIT, factor_of, level_of, read_unit, unit_in_name
 
 _LABEL = re.compile(r"unit|einheit|unité|unidad", re.IGNORECASE)
 _LABELLED = re.compile(rf"(?:{_LABEL.pattern})\w*\s*[:=]\s*\S", re.IGNORECASE)
@@ -50,11 +50,6 @@ def bare_unit(cell: str) -> str:
     return cell[1:-1].strip() if re.fullmatch(r"[(\[{<][^()\[\]{}<>]*[)\]}>]", cell) else cell
 
 
-def is_decibel(cell: str) -> bool:
-    """Whether a cell is a level's unit, such as `dB(g/N)` or `dB re 1 m/N`."""
-    return re.match(r"dB(?![a-z])", cell, re.IGNORECASE) is not None
-
-
 def is_units(row: Row) -> bool:
     """Whether half of the words of a line, or more, are units; "Y-Unit: N" says one of no
     column.
@@ -62,7 +57,7 @@ def is_units(row: Row) -> bool:
     if row.cells and _LABELLED.search(row.cells[0]):
         return False
     words = [bare_unit(cell) for cell in row.cells if cell]
-    units = sum(read_unit(word) is not None or is_decibel(word) for word in words)
+    units = sum(read_unit(word) is not None or level_of(word) is not None for word in words)
     none = sum(word.lower() in NO_UNIT for word in words)
     return units > 0 and 2 * (units + none) >= len(words)
 

@@ -9,6 +9,7 @@ import json
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -17,7 +18,14 @@ from fecore.frf import Quantity
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs import Frfs
 from modalbase.formats.frfs.mat import frfs_of
-from modalbase.formats.frfs.parts import is_frequency, propose_parts, texts_of
+from modalbase.formats.frfs.parts import (
+    PARTS,
+    is_frequency,
+    is_parts,
+    names_of,
+    propose_parts,
+    texts_of,
+)
 from modalbase.formats.frfs.proposal import doubts, left_out, propose_frfs
 from modalbase.formats.frfs.table import without_gap
 from modalbase.formats.recognise import recognise
@@ -266,11 +274,20 @@ def _table(inputs: ReadingInputs, form: str) -> Iterator[FileDescription | TimeB
     described_ = file.table.layout.described(file.table.encoding)
     notes = file.table.notes
     if kind == "frfs":
+        own: dict[str, Any] = mapping if isinstance(mapping, dict) else {}
+        columns = names_of(own["frf"], *chain(*PARTS)) if is_parts(own.get("frf")) else []
+        by = (
+            own["frequency_hz"].get("variable")
+            if isinstance(own.get("frequency_hz"), dict)
+            else None
+        )
+        axes = [name for name in file.names if is_frequency(name, file.units)]
+        _faults_as(_dotted, lambda: file.require_one_axis(columns, by, axes))
         read: Iterator[FileDescription | TimeBlock | EncodedFrf] = _mapped_frfs(
             inputs, form, variables, texts_of(file.table), notes
         )
     else:
-        _faults_as(_dotted, lambda: file.require_one_clock(_variables_of(mapping)))
+        _faults_as(_dotted, lambda: file.require_one_axis(_variables_of(mapping)))
         read = _hits(inputs, form, variables, file.units, notes)
     for item in read:
         yield (
