@@ -34,7 +34,17 @@ from modalbase.formats.uff.frf import UNSTATED_TYPES, frequency_of, global_dofs
 from modalbase.formats.uff.function import RawFunction
 from modalbase.formats.uff.geometry import Geometry
 from modalbase.formats.uff.text import Refusal
-from modalbase.formats.units import FORCE, RESPONSE, Dimension, read_unit, without_amplitude
+from modalbase.formats.units import (
+    FORCE,
+    NO_UNIT,
+    NUMBER,
+    RESPONSE,
+    TIME,
+    Dimension,
+    factor_of,
+    read_unit,
+    without_amplitude,
+)
 
 TIME_RESPONSE, AUTO_SPECTRUM, CROSS_SPECTRUM = 1, 2, 3
 _TYPES: dict[int, ChannelQuantity] = {
@@ -50,7 +60,8 @@ _DIMENSIONS: dict[Dimension, ChannelQuantity] = {
     RESPONSE["mobility"]: "velocity",
     RESPONSE["receptance"]: "displacement",
 }
-_SECONDS = {**dict.fromkeys(("s", "sec", "second", "seconds", "", "none"), 1.0), "ms": 1e-3}
+# of the last abscissa, to which six digits round it
+_ROUNDED = 1e-5
 # energy of the first half of the impulse response over the second, or the other way round
 _CAUSAL = 4.0
 _APART = 0.01  # of a sample, by which blocks of a hit may begin apart
@@ -60,6 +71,8 @@ _QUANTITY: dict[ChannelQuantity, Quantity] = {
     "velocity": "mobility",
     "displacement": "receptance",
 }
+# powers of the amplitude and of the time in the unit of an auto spectrum: N, N², N²/Hz, N²·s/Hz
+_SQUARES = ((1, 0), (2, 0), (2, 1), (2, 2))
 _IDS = ("", "", "", "", "")
 Dof = tuple[int, int]
 
@@ -71,18 +84,28 @@ def time_of(
     kind (pressure, strain).
 
     Raises:
-        Refusal: it is uneven or has no sampling rate, its unit contradicts its data type, or SI
-            takes it out of range.
+        Refusal: it is complex, uneven or without a sampling rate, its unit
+            contradicts its data type, or SI takes it out of range.
     """
     notes: list[str] = []
     channel = _channel(raw, units, notes)
-    if channel is None or raw.values.dtype.kind == "c":
+    if channel is None:
         return None
     quantity, factor = channel
-    unit = raw.abscissa.unit.lower().strip()
-    if unit not in _SECONDS or raw.abscissa.data_type not in (*UNSTATED_TYPES, 17):
-        raise Refusal(f"is a time block over '{raw.abscissa.unit}', expected seconds", 7)
-    if raw.axis.values is not None or not raw.axis.step > 0:
+    if raw.values.dtype.kind == "c" and raw.values.imag.any():
+        raise Refusal("is a time block of complex samples, expected real ones", 6)
+    over = read_unit(raw.denominator.unit)
+    if over is not None and over.dimension != NUMBER:
+        notes.append(
+            f"its denominator is in '{raw.denominator.unit}', as an impulse response has it; it is"
+            " taken as a time block"
+        )
+    unit = raw.abscissa.unit.strip()
+    seconds = 1.0 if unit.lower() in NO_UNIT else factor_of("time", unit)
+    if seconds is None or raw.abscissa.data_type not in (*UNSTATED_TYPES, 17):
+        raise Refusal(f"is a time block over '{unit}', expected seconds", 7)
+    step = _step(raw.axis)
+    if not step > 0:
         raise Refusal("is a time block without an even time step: its sample rate is missing", 6)
     with np.errstate(over="ignore"):
         samples = raw.values.real if factor == 1.0 else raw.values.real.astype(np.float64) * factor
@@ -92,8 +115,20 @@ def time_of(
             f" {np.argmin(np.isfinite(samples)) + 1}"
         )
     dofs = global_dofs(raw, geometry, notes)
-    rate = float(f"{1 / (raw.axis.step * _SECONDS[unit]):.12g}")
+    rate = float(f"{1 / (step * seconds):.12g}")
     return TimeResponse(dataset, raw.id_lines[0], quantity, *dofs, rate, samples), notes
+
+
+def _step(axis: Axis) -> float:
+    """The step of an axis that is even, or whose values are but for the rounding of six digits;
+    else 0.
+    """
+    if axis.values is None:
+        return axis.step
+    steps = np.diff(axis.values)
+    mean = float(steps.mean()) if steps.size else 0.0
+    even = np.ptp(steps) <= 1e-3 * mean + _ROUNDED * abs(axis.values[-1]) if steps.size else False
+    return mean if even else 0.0
 
 
 @dataclass
@@ -117,7 +152,7 @@ class Hits:
         self._counts[channel] += 1
         hit = point, self._counts[channel]
         other, start = self._begun.setdefault(hit, (block.dataset, axis.start))
-        if abs(axis.start - start) > _APART * axis.step:
+        if abs(axis.start - start) > _APART * _step(axis):
             raise Refusal(
                 f"is a time block that begins at {axis.start:g}, and that of dataset {other}, of the"
                 f" same hit, at {start:g}; export the channels of a hit over the same times",
@@ -130,8 +165,8 @@ def spectrum_of(
 ) -> tuple[PowerSpectrum, list[str]] | None:
     """A power spectrum and the notes on it; None where its channel is neither force nor motion.
 
-    The unit label of an auto spectrum is that of its channel or the square of it, as programs
-    differ.
+    The unit label of an auto spectrum is that of its channel, the square of it, or its density, as
+    programs differ; what all spectra of a file share leaves their ratios.
 
     Raises:
         Refusal: it is not over frequency, or its unit contradicts its data type.
@@ -156,11 +191,11 @@ def _channel(
 ) -> tuple[ChannelQuantity, float] | None:
     """What a channel is, and the factor of its amplitude to SI; None where it is none of ours."""
     described = raw.ordinate
-    unit = without_amplitude(described.unit)[0] if squared else described.unit
+    unit, _ = without_amplitude(described.unit)
     label, by_type = read_unit(unit), _TYPES.get(described.data_type)
     if label is not None:
-        for power in (1, 2) if squared else (1,):
-            root = _root(label.dimension, power)
+        for power, density in _SQUARES if squared else ((1, 0),):
+            root = _root(label.dimension.times(TIME, -density), power)
             if root in _DIMENSIONS:
                 quantity = _DIMENSIONS[root]
                 if by_type not in (None, quantity):

@@ -155,10 +155,20 @@ def _normal_mode(
 
 
 def _complex_mode(real_part: float, imaginary_part: float) -> tuple[float, float, list[str]]:
-    """Undamped frequency and damping ratio of an eigenvalue λ, rad/s: |λ|/2π and -Re λ/|λ|."""
+    """Undamped frequency and damping ratio of an eigenvalue λ, rad/s: |λ|/2π and -Re λ/|λ|.
+
+    Raises:
+        Refusal: it is 0.
+        SkippedDataset: it is the conjugate of a mode's.
+    """
     size = float(np.hypot(real_part, imaginary_part))
     if size == 0:
         raise Refusal("its eigenvalue is 0")
+    if imaginary_part < 0:
+        raise SkippedDataset(
+            f"its eigenvalue has the imaginary part {imaginary_part:g} rad/s: it is the conjugate of"
+            " a mode, which has it above 0"
+        )
     notes = (
         [] if real_part <= 0 else [f"its eigenvalue has a positive real part, {real_part:g} rad/s"]
     )

@@ -1,7 +1,7 @@
 """Fixed columns, as FORTRAN writes them: every character accounted for, or a refusal that names the
 line.
 
-A real may have an exponent with E or D, or (three digits) with neither, as in `1.0-101`; neighbours
+A real may have a decimal comma, an exponent with E or D, or (three digits) with neither, as in `1.0-101`; neighbours
 may run together, for a column ends where its width ends. Blanks inside a number, asterisks, NaN and
 infinities are refused.
 """
@@ -86,7 +86,7 @@ def real(field: bytes) -> float:
     Raises:
         ValueError: it is none, or it is too large for a double.
     """
-    match = _REAL.fullmatch(field.strip())
+    match = _REAL.fullmatch(field.strip().replace(b",", b"."))
     if match is None:
         raise ValueError(f"{shown(field.strip())} is not a number")
     value = float(match[1] + b"e" + (match[2] or match[3] or b"0"))

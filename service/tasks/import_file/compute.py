@@ -219,9 +219,11 @@ def _why_unused(item: uff.Content) -> str | None:
     if isinstance(item, uff.Frf):
         return size_fault(item.values)
     if isinstance(item, uff.Function) and item.function_type != uff.COHERENCE:
+        article = "an" if item.name[0] in "aeo" else "a"
         return (
-            f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of"
-            " force and motion are stored"
+            f"is {article} {item.name} in {item.unit or 'no unit'}; of functions, FRFs, coherences,"
+            " time blocks and power spectra of force and motion are stored, as their unit or the data"
+            " type in record 9 says (13 force, 12 acceleration, 11 velocity, 8 displacement)"
         )
     if isinstance(item, uff.Element):
         return "holds elements of the drawing; they stay in the original file"

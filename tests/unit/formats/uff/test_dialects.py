@@ -47,6 +47,16 @@ def frequencies(reading: Reading) -> list[float]:
     return reading.of(Frf)[0].frequency.points().tolist()
 
 
+def of_block(reading: Reading) -> list[float]:
+    (block,) = reading.of(TimeResponse)
+    return [block.samples[0], block.sample_rate_hz]
+
+
+# a third of a µs apart: rows of (E13.5, E20.12) twice
+LISTED = [
+    "".join(f"{4 * k / 3:13.5e}{1.0:20.12e}" for k in (first, first + 1))
+    for first in range(0, 10, 2)
+]
 ONE = "   1.00000000000e+00   0.00000000000e+00"
 TRACE = dataset(
     "82", f"{1:10d}{3:10d}{0:10d}", "line", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0))
@@ -77,6 +87,17 @@ TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
         "contradict set 164, by which the factor is 0.001; the labels are used"),
     "exponents that do not fit": (set_58(ONE, points=1, ordinate=axis(12, "m/s2", (2, 0, 0))), of_frf, [1.0],
         "the unit exponents (2, 0, 0) of its ordinate do not fit its data type 12"),
+    "decimal commas": (set_58(PLAIN.replace(".", ",")), of_frf, VALUES, ""),
+    "a moment in one word": (
+        set_58(ONE, points=1, reference=(1, 5), denominator=axis(13, "Nm")), of_frf, [1.0], ""),
+    "a time block with the word for an amplitude": (
+        function(1, np.ones(2), abscissa=SECONDS, ordinate=axis(12, "g pk")), of_block, [9.80665, 1.0],
+        "is taken as a time block"),
+    "times listed to six digits, in µs": (
+        set_58(*LISTED, kind=4, even=0, points=10, function=1, abscissa=axis(17, "us"), ordinate=axis(12, "g")), of_block,
+        [9.80665, 3e6 / 4], ""),
+    "complex samples that are real": (
+        function(1, np.ones(2) + 0j, abscissa=SECONDS, ordinate=axis(12, "m/s2")), of_block, [1.0, 1.0], ""),
 }  # fmt: skip
 
 
@@ -151,7 +172,7 @@ def test_time_blocks_are_read_in_si(read: Read) -> None:
 
 
 BLOCK = np.sin(np.arange(64.0))
-UNEVEN = f"{0.0:13.5e}{1.0:20.12e}{1.0:13.5e}{2.0:20.12e}"
+UNEVEN = [f"{0.0:13.5e}{1.0:20.12e}{1.0:13.5e}{2.0:20.12e}", f"{3.0:13.5e}{3.0:20.12e}"]
 NEWTONS = {"abscissa": SECONDS, "ordinate": axis(13, "N"), "step": "1.00000e-03"}
 
 
@@ -159,11 +180,13 @@ NEWTONS = {"abscissa": SECONDS, "ordinate": axis(13, "N"), "step": "1.00000e-03"
     ("file", "reason"),
     [
         (function(1, BLOCK, **{**NEWTONS, "step": "0.00000e+00"}), "increment"),
-        (set_58(UNEVEN, kind=4, even=0, function=1, **NEWTONS), "without an even time step: its sample rate is missing"),
+        (set_58(*UNEVEN, kind=4, even=0, points=3, function=1, **NEWTONS),
+         "without an even time step: its sample rate is missing"),
         (function(1, 1e308 * (0.5 + BLOCK**2 / 2), **{**NEWTONS, "ordinate": axis(13, "lbf")}),
          "its samples are beyond double precision in SI, first at 1"),
         (function(1, BLOCK, **{**NEWTONS, "ordinate": axis(13, "m/s^2")}),
          "its data type says force, its unit 'm/s^2' says acceleration"),
+        (function(1, BLOCK + 1j, **NEWTONS), "is a time block of complex samples"),
         (function(1, BLOCK, **{**NEWTONS, "abscissa": axis(18, "Hz")}), "is a time block over 'Hz', expected seconds"),
         (function(1, np.r_[BLOCK, 1.0], **NEWTONS).replace(b"1.000000000000e+00", b"               nan"),
          "'nan' is not a number"),
@@ -252,9 +275,12 @@ def test_a_cross_spectrum_takes_the_auto_spectra_stated_last_before_it_else_the_
         np.testing.assert_allclose(frf.values, exact / force, rtol=1e-9)
 
 
-@pytest.mark.parametrize("conjugated", [False, True])
+@pytest.mark.parametrize(
+    ("conjugated", "units"),
+    [(False, ("N^2", "mm/s^2")), (True, ("N^2/Hz", "(mm/s^2)^2/Hz"))],
+)
 def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(
-    read: Read, conjugated: bool
+    read: Read, conjugated: bool, units: tuple[str, str]
 ) -> None:
     hz = np.arange(0.0, 256.0)
     omega = 2 * np.pi * hz
@@ -267,8 +293,8 @@ def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(
     cross = exact * force
     ends = {"response": (7, 3), "reference": (1, 3)}
     reading = read(
-        function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"))
-        + function(2, 1e6 * motion, response=(7, 3), reference=(7, 3), ordinate=axis(12, "mm/s^2"))
+        function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, units[0]))
+        + function(2, 1e6 * motion, response=(7, 3), reference=(7, 3), ordinate=axis(12, units[1]))
         + function(3, 1e3 * (cross.conj() if conjugated else cross), **ends)
     )
     frf, coherence, *reports = ended(reading)

@@ -255,6 +255,17 @@ def changed_55(line: int, text: str) -> bytes:
 COMPLEX_55 = "".join(f"{n:10d}" for n in (1, 3, 2, 8, 5, 3))  # a complex mode
 
 
+def test_the_conjugate_of_a_mode_is_no_second_one(read: Read) -> None:
+    pair = [
+        dataset("55", *SHAPE_55[:5], COMPLEX_55, f"{2:10d}{2:10d}{1:10d}{1:10d}", f"{-1:13.5e}{w:13.5e}",
+                f"{1:10d}", f"{1:13.5e}" * 6)
+        for w in (9, -9)
+    ]  # fmt: skip
+    reading = read(b"".join(pair))
+    assert reading.outcomes == ["read", "ignored"]
+    assert "it is the conjugate of a mode" in reading.reasons
+
+
 @pytest.mark.parametrize(
     ("file", "reason"),
     [
