@@ -177,6 +177,12 @@ def reduce(
         warnings.append(
             f"{bending:.1f} % bending, more than {MOST_BENDING_PERCENT:.0f} %: see to the alignment"
         )
+    ratio = _poisson_ratio(run, line)
+    if ratio is not None and ratio < 0:
+        warnings.append(
+            f"Poisson's ratio is {ratio:.3f}: the transverse strain grows with the force; is its sign"
+            " turned?"
+        )
     return TensileResult(
         width_m=width,
         thickness_m=thickness,
@@ -187,7 +193,7 @@ def reduce(
         modulus_pa=modulus,
         regression_modulus_pa=line.regression_slope(strain, stress),
         chord_range=(line.start, line.stop),
-        poisson_ratio=_poisson_ratio(run, line),
+        poisson_ratio=ratio,
         transition_strain=transition_strain(strain, stress),
         bending_percent=bending,
         warnings=tuple(warnings),
@@ -209,6 +215,12 @@ def _standard_range(
         )
     else:
         reached = ultimate
+    if reached <= 0:
+        raise InputError(
+            "strain",
+            f"is {reached * 1e6:.0f} µε at the maximum force, expected above 0: is its sign turned, or"
+            " is it the transverse gauge's?",
+        )
     if reached >= LOW_ULTIMATE:
         return CHORD_RANGE
     if ultimate is None:

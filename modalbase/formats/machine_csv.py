@@ -6,10 +6,10 @@ What machines do and what becomes of it:
   notes;
 - encodings, separators, decimal signs, times of day: as `modalbase.formats.tables` finds them out,
   and said in the result;
-- a header that comes again, or time that goes back: the machine was restarted, and each run stands
-  alone;
-- units: stated by the caller, in the header (`Load (kN)`, `Load_kN`) or in a line of units below or
-  above it. Never guessed; where two of these disagree the file is refused. A name in brackets,
+- a header that comes again, with its columns in any order, other words in all wanted columns, or
+  time that goes back: the machine was restarted, and each run stands alone;
+- units: stated by the caller, in the header (`Load (kN)`, `Load_kN`) or in a line of units between
+  it and the data, or above it. Never guessed; where two of these disagree the file is refused. A name in brackets,
   `Strain (Strain 1)`, is no unit;
 - an empty cell is NaN; a cell that is no number is refused with its line and column.
 """
@@ -18,7 +18,7 @@ import io
 import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -52,6 +52,10 @@ def factor(quantity: Quantity, unit: str, field: str) -> float:
     known = factor_of(quantity, name)
     if known is None and quantity == "strain" and factor_of("length", name) is not None:
         raise FormatError(field, f"{unit!r} is an elongation, not a strain; state the gauge length")
+    if known is None and quantity == "length" and factor_of("strain", name) is not None:
+        raise FormatError(
+            field, f"{unit!r} is a strain, not an elongation; leave the gauge length out"
+        )
     if known is None:
         raise FormatError(
             field,
@@ -104,6 +108,11 @@ class _Columns:
     header_row: int  # -1 where there is none
     places: dict[str, int]
 
+    def header(self, name: str) -> str:
+        """The header of a column; "" where there is none."""
+        cells, place = self.cells(self.header_row), self.places[name]
+        return cells[place] if place < len(cells) else ""
+
     def cells(self, index: int) -> list[str]:
         """Of a line; none beyond the ends of the file."""
         return self.rows[index].cells if 0 <= index < len(self.rows) else []
@@ -111,10 +120,11 @@ class _Columns:
 
 @dataclass(frozen=True)
 class _Block:
-    """Data rows of one run: line numbers and the wanted cells."""
+    """Data rows of one run: the columns that its header names, line numbers and the wanted cells."""
 
-    lines: list[int]
-    cells: list[list[str]]
+    columns: _Columns
+    lines: list[int] = field(default_factory=list)
+    cells: list[list[str]] = field(default_factory=list)
 
 
 def read_machine_csv(
@@ -153,7 +163,7 @@ def read_machine_csv(
     symbol, parse = number_reader(
         [cell for cell in cells if is_number(cell)], decimal, layout.delimiter
     )
-    units = _units(layout, columns, blocks)
+    units = _units(columns, blocks)
     factors = [
         factor(c.quantity, units[name], f"columns.{name}.unit") for name, c in columns.items()
     ]
@@ -336,25 +346,22 @@ def _units_row(
     } or None
 
 
-def _units(
-    layout: _Columns, columns: Mapping[str, Column], blocks: Sequence[_Block]
-) -> dict[str, str]:
-    at = layout.header_row
-    beside: dict[str, str] = {}
-    if at >= 0:
-        beside = _units_row(layout, columns, at + 1) or _units_row(layout, columns, at - 1) or {}
+def _units(columns: Mapping[str, Column], blocks: Sequence[_Block]) -> dict[str, str]:
+    """The units of the columns, which all runs have.
+
+    Raises:
+        FormatError: one is stated nowhere, or as two.
+    """
+    of_blocks = [_units_beside(block.columns, columns) for block in blocks]
     units = {}
     for i, (name, column) in enumerate(columns.items()):
         stated = [] if column.unit is None else [column.unit]
-        own = (
-            unit_in_name(layout.cells(at)[layout.places[name]], column.quantity)[1]
-            if at >= 0
-            else ""
-        )
-        # there a name, as in "Tensile strain (Strain)"
-        if own and not (own.lower() == "strain" and name in beside):
-            stated.append(own)
-        stated += [beside[name]] if name in beside else []
+        for block, beside in zip(blocks, of_blocks, strict=True):
+            own = unit_in_name(block.columns.header(name), column.quantity)[1]
+            # there a name, as in "Tensile strain (Strain)"
+            if own and not (own.lower() == "strain" and name in beside):
+                stated.append(own)
+            stated += [beside[name]] if name in beside else []
         if not stated and any(
             kind_of(row[i]) == "time" for block in blocks for row in block.cells[:1]
         ):
@@ -363,15 +370,29 @@ def _units(
             raise FormatError(
                 f"columns.{name}.unit",
                 f"is stated neither by you nor in the file; {column.quantity} in"
-                f" what?{_unread(layout, name)}",
+                f" what?{_unread(blocks[0].columns, name)}",
             )
         values = {factor(column.quantity, unit, f"columns.{name}.unit") for unit in stated}
         if len(values) > 1:
             raise FormatError(
-                f"columns.{name}.unit", f"is stated as {' and as '.join(stated)}; which is right?"
+                f"columns.{name}.unit",
+                f"is stated as {' and as '.join(dict.fromkeys(stated))}; which is right? Send tables of"
+                " two units as files of their own",
             )
         units[name] = plain(stated[0])
     return units
+
+
+def _units_beside(layout: _Columns, columns: Mapping[str, Column]) -> dict[str, str]:
+    """What lines of units between a header and its data say, or one above it."""
+    at = layout.header_row
+    below = range(at + 1, len(layout.rows)) if at >= 0 else ()
+    for i in below:
+        if _holds_data(layout.rows[i], layout.places, columns):
+            break
+        if (units := _units_row(layout, columns, i)) is not None:
+            return units
+    return (_units_row(layout, columns, at - 1) if at >= 0 else None) or {}
 
 
 def _unread(layout: _Columns, name: str) -> str:
@@ -384,7 +405,7 @@ def _unread(layout: _Columns, name: str) -> str:
     cell = row[layout.places[name]] if layout.places[name] < len(row) else ""
     if cell and not is_number(cell):
         return f" (line {layout.header_row + 2} has {cell[:20]!r} there)"
-    header = layout.cells(layout.header_row)[layout.places[name]]
+    header = layout.header(name)
     in_brackets = _IN_BRACKETS.match(header)
     return (
         f" (the heading is {header[:40]!r}, whose brackets hold no unit that is known here)"
@@ -394,35 +415,60 @@ def _unread(layout: _Columns, name: str) -> str:
 
 
 def _blocks(layout: _Columns, columns: Mapping[str, Column], notes: list[str]) -> list[_Block]:
-    """Data rows, cut where the header comes again; remarks go to the notes."""
-    blocks = [_Block([], [])]
+    """Data rows, cut where a header comes again, or words that stand in all wanted columns; remarks
+    go to the notes.
+    """
+    blocks = [_Block(layout)]
     remarks = []
-    header = layout.rows[layout.header_row] if layout.header_row >= 0 else None
-    begun = layout.header_row + 1
-    for i in range(begun, len(layout.rows)):
-        row = layout.rows[i]
+    for i in range(layout.header_row + 1, len(layout.rows)):
+        row, current = layout.rows[i], blocks[-1].columns
         if not any(row.cells):
             continue
-        if header is not None and joined_brackets(row, layout.delimiter).cells == header.cells:
-            blocks.append(_Block([], []))
-            begun = i + 1
-        elif i == begun and header is not None and _units_row(layout, columns, i) is not None:
-            continue
-        elif any(_is_datum(row, p, columns[name]) for name, p in layout.places.items()):
-            if header is not None and row.width > len(header.cells):
+        if _holds_data(row, current.places, columns):
+            width = len(current.cells(current.header_row))
+            if 0 < width < row.width:
                 raise FormatError(
                     f"line {i + 1}",
-                    f"has {row.width} cells, the header has {len(header.cells)}; decimal commas"
-                    " between comma-separated cells?",
+                    f"has {row.width} cells, the header has {width}; decimal commas between"
+                    " comma-separated cells?",
                 )
             blocks[-1].lines.append(i + 1)
-            blocks[-1].cells.append(_column_cells(row, layout.places, columns))
-        elif begun > 0 or blocks[-1].lines:
+            blocks[-1].cells.append(_column_cells(row, current.places, columns))
+        elif (again := _header_again(layout, i, columns)) is not None:
+            blocks.append(_Block(again))
+        elif not blocks[-1].lines and _units_row(current, columns, i) is not None:
+            continue
+        elif layout.header_row >= 0 or blocks[-1].lines:
             remarks.append(f"line {i + 1}: {' '.join(filter(None, row.cells))[:80]!r} is no data")
+            if blocks[-1].lines and _is_wordy(row, current.places):
+                blocks.append(_Block(current))
     notes += remarks[:_MOST_QUOTED]
     if len(remarks) > _MOST_QUOTED:
         notes.append(f"and {len(remarks) - _MOST_QUOTED} more such lines")
     return [block for block in blocks if block.lines]
+
+
+def _holds_data(row: Row, places: Mapping[str, int], columns: Mapping[str, Column]) -> bool:
+    return any(_is_datum(row, place, columns[name]) for name, place in places.items())
+
+
+def _is_wordy(row: Row, places: Mapping[str, int]) -> bool:
+    """Whether words stand in all wanted columns, as a heading's do."""
+    cells = [row.cells[place] if place < len(row.cells) else "" for place in places.values()]
+    return all(kind_of(cell) == "text" and re.search(r"[^\W\d_]", cell) for cell in cells)
+
+
+def _header_again(layout: _Columns, index: int, columns: Mapping[str, Column]) -> _Columns | None:
+    """The columns where a line is the header again, maybe in another order; None where it is none."""
+    row = joined_brackets(layout.rows[index], layout.delimiter)
+    named = {name: c for name, c in columns.items() if isinstance(c.header, str)}
+    places_of = {name: _places_of(row.cells, column) for name, column in named.items()}
+    is_same = layout.header_row >= 0 and row.cells == layout.cells(layout.header_row)
+    if not is_same and not (named and all(len(at) == 1 for at in places_of.values())):
+        return None
+    layout.rows[index] = Row(row.line, row.cells)
+    places = layout.places if is_same else layout.places | {n: at[0] for n, at in places_of.items()}
+    return replace(layout, header_row=index, places=places)
 
 
 def _column_cells(row: Row, places: Mapping[str, int], columns: Mapping[str, Column]) -> list[str]:

@@ -241,3 +241,76 @@ def test_a_gauge_that_drops_out_is_named(tmp_path: Path) -> None:
     path = curve(tmp_path / "a.csv", "Load (N),Strain (%)", rows)
     with pytest.raises(InputError, match=r"reaches 1400 µε only.*jumps at point 16"):
         reduced(path, {"force": "Load", "strain": "Strain"}, DIMENSIONS)
+
+
+def table(names: str, force: float = 1.0, strain: float = 100.0, swap: bool = False) -> str:
+    """A heading, and the curve in N and % times a factor."""
+    rows = zip(force * FORCE, strain * STRAIN, strict=True)
+    return "\n".join(
+        [names, *(f"{e:.7f};{f:.5f}" if swap else f"{f:.5f};{e:.7f}" for f, e in rows)]
+    )
+
+
+AGAIN = [
+    ("Load;Strain\nN;%", "Strain;Load\n%;N", True, 1.0),  # the columns of a later table are its own
+    ("Load;Strain\n\nCH1;CH2\nN;%", "Load;Strain\n\nCH1;CH2\nN;%", False, 1.0),
+    ("Load (N);Strain (%)", "Load (kN);Strain (%)", False, 1e-3),
+]
+
+
+@pytest.mark.parametrize(("first", "second", "swap", "scale"), AGAIN)
+def test_a_later_table_is_a_run_by_its_own_header(
+    tmp_path: Path, first: str, second: str, swap: bool, scale: float
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{table(first)}\nPiece 2\n{table(second, 0.9 * scale, swap=swap)}\n")
+    columns = {"force": "Load", "strain": "Strain"}
+    if scale != 1:
+        with pytest.raises(InputError, match="as N and as kN; which is right"):
+            reduced(path, columns, DIMENSIONS, run=2)
+        return
+    found = reduced(path, columns, DIMENSIONS, run=2)
+    assert found.coupon.E_Pa == pytest.approx(54e9, rel=1e-4)
+    assert found.coupon.strength_Pa == pytest.approx(540e6, rel=1e-4)
+
+
+def test_rows_behind_other_headings_are_no_points_of_the_curve(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{table('Load (N);Strain (%)')}\n\nMaximum (N);Modulus (GPa)\n19000;60.1\n")
+    columns = {"force": "Load", "strain": "Strain"}
+    with pytest.raises(
+        InputError, match=r"runs counts: 1 \(lines 2 to 102\), 2 \(lines 105 to 105"
+    ):
+        reduced(path, columns, DIMENSIONS)
+    assert reduced(path, columns, DIMENSIONS, run=1).coupon.E_Pa == pytest.approx(60e9, rel=1e-4)
+
+
+DOUBTED = [
+    ("Load (N);Strain (%)", 1.0, -28.0, {}, "is -2800 µε at the maximum force.*transverse gauge"),
+    (
+        "Load (kN);Strain (%)",
+        1.0,
+        100.0,
+        {},
+        "give E_Pa 6e.13 and .*is a unit or a dimension another",
+    ),
+    ("Load (N);Strain (%)", 1.0, 100.0, EXTENSION, "'%' is a strain, not an elongation; leave the"),
+]
+
+
+@pytest.mark.parametrize(("names", "force", "strain", "dimensions", "why"), DOUBTED)
+def test_what_cannot_be_is_asked_for(
+    tmp_path: Path, names: str, force: float, strain: float, dimensions: Any, why: str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(table(names, force, strain))
+    with pytest.raises(InputError, match=why):
+        reduced(path, {"force": "Load", "strain": "Strain"}, dimensions or DIMENSIONS)
+
+
+def test_a_transverse_strain_of_the_wrong_sign_is_warned_of(tmp_path: Path) -> None:
+    rows = (f"{f:.4f};{e:.7f};{0.3 * e:.7f}" for f, e in zip(FORCE, STRAIN, strict=True))
+    path = curve(tmp_path / "a.csv", "Load (N);Axial (m/m);Lateral (m/m)", rows)
+    columns = {"force": "Load", "strain": "Axial", "transverse_strain": "Lateral"}
+    warnings = reduced(path, columns, DIMENSIONS).reduction["warnings"]
+    assert any("Poisson's ratio is -0.300" in warning for warning in warnings)

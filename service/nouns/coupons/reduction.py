@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from pydantic import ValidationError
 
 import fecore
 from fecore.arrays import FloatArray
@@ -212,14 +213,23 @@ def _by_standard(
         )
         result = d3518.reduce(curve, width, thickness, start, request.ends)
         values = {"G_Pa": result.modulus_pa, "strength_Pa": result.maximum_stress_pa}
-    coupon = CouponIn(
-        specimen=request.specimen,
-        standard=request.standard,
-        failure_code=request.failure_code,
-        excluded=request.excluded,
-        exclusion_reason=request.exclusion_reason,
-        **values,
-    )
+    try:
+        coupon = CouponIn(
+            specimen=request.specimen,
+            standard=request.standard,
+            failure_code=request.failure_code,
+            excluded=request.excluded,
+            exclusion_reason=request.exclusion_reason,
+            **values,
+        )
+    except ValidationError as error:
+        names = [str(fault["loc"][0]) for fault in error.errors()]
+        whys = [f"{name} {values[name]:.4g}" for name in names]
+        raise InputError(
+            "columns",
+            f"give {' and '.join(whys)} in SI, which no material has: is a unit or a dimension"
+            " another?",
+        ) from None
     reduction = asdict(result)
     return coupon, {
         **reduction,
