@@ -76,8 +76,8 @@ _NAMES: dict[Dimension, dict[str, float]] = {
     LENGTH: {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9,
              "in": INCH, "inch": INCH, "inches": INCH, "mil": 1e-3 * INCH, "mils": 1e-3 * INCH, "µin": 1e-6 * INCH,
              "uin": 1e-6 * INCH, "ft": FOOT},
-    TIME: {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
-           "min": 60.0, "h": 3600.0},
+    TIME: {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "seg": 1.0, "ms": 1e-3, "msec": 1e-3,
+           "µs": 1e-6, "us": 1e-6, "min": 60.0, "h": 3600.0},
     FREQUENCY: {"Hz": 1.0, "hertz": 1.0, "mHz": 1e-3, "kHz": 1e3, "MHz": 1e6, "cps": 1.0, "rpm": 1 / 60, "cpm": 1 / 60},
     NUMBER: {"1": 1.0, "strain": 1.0, "%": 1e-2, "percent": 1e-2, "‰": 1e-3, "ppm": 1e-6, "mstrain": 1e-3,
              "µε": 1e-6, "ue": 1e-6, "µstrain": 1e-6, "ustrain": 1e-6, "microstrain": 1e-6},
@@ -179,7 +179,7 @@ def plain(unit: str) -> str:
     >>> plain("[με]"), plain("ms-2"), plain("mms-1")
     ('µε', 'm/s2', 'mm/s')
     """
-    bare = unit.strip().translate(_ONE_SIGN).replace("⁻¹", "-1").replace("⁻²", "-2")
+    bare = unit.strip().rstrip(".").translate(_ONE_SIGN).replace("⁻¹", "-1").replace("⁻²", "-2")
     bare = _RUN_TOGETHER.sub(lambda match: f"{match[1]}m/s{match[2].replace('1', '')}", bare)
     if bare[:1] + bare[-1:] in ("[]", "()", "{}", "<>") and not {bare[0], bare[-1]} & set(
         bare[1:-1]
@@ -299,6 +299,17 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
         if quantity is not None and not unit.isdigit() and factor_of(quantity, unit) is not None:
             return name[: match.start()], unit
     return name, ""
+
+
+def unread_unit(name: str) -> str:
+    """What the last brackets of a name hold where that is no unit that is known; else nothing.
+
+    >>> unread_unit("Frequency [bins]"), unread_unit("Frequency [Hz]"), unread_unit("f")
+    ('bins', '', '')
+    """
+    held = [match[1].strip() for match in _IN_BRACKETS.finditer(name)]
+    known = not held or held[-1].lower() in NO_UNIT or read_unit(held[-1]) is not None
+    return "" if known else held[-1]
 
 
 # members of the structure of an array

@@ -312,6 +312,34 @@ def test_what_each_column_says_counts(
         read(path, {**found.mapping, **DOFS, "response_point": points}, dry_run=False)
 
 
+def test_values_that_run_along_lines_are_refused_with_the_way(tmp_path: Path) -> None:
+    path = tmp_path / "H.csv"
+    lines = {"Frequency [Hz]": HZ, "Real [g/N]": H.real, "Imag [g/N]": H.imag}
+    path.write_text(
+        "\n".join(";".join([name, *map(repr, row.tolist())]) for name, row in lines.items())
+    )
+    with pytest.raises(
+        Invalid, match=r"200 numbers behind 'Frequency .*export the table transposed"
+    ):
+        read(path)
+
+
+def test_units_that_are_not_known_are_asked_for_or_noted(tmp_path: Path) -> None:
+    path = tmp_path / "H.csv"
+    table = np.transpose([HZ, H.real, H.imag]).tolist()
+    rows = [";".join(map(repr, row)) for row in table]
+    path.write_text("\n".join(["Frequency [bins];Re (g per N);Im (g per N)", *rows]))
+    (found,) = read(path)
+    mapping = {**found.mapping, **DOFS}
+    with pytest.raises(Invalid, match=r"frequency_hz/unit: is missing, and the file says 'bins'"):
+        read(path, mapping, dry_run=False, quantity="accelerance")
+    mapping["frequency_hz"]["unit"] = "Hz"
+    description, _ = read(path, mapping, dry_run=False, quantity="accelerance")
+    assert "taken in SI, as 'g per N' is no unit that is known here" in description.notes[-1]
+    description, _ = read(path, {**mapping, "unit": "g/N"}, dry_run=False)
+    assert description.notes == []
+
+
 def test_parts_in_matrices_are_parts(tmp_path: Path) -> None:
     path = tmp_path / "H.mat"
     table = np.stack([H, 2 * H], axis=1)

@@ -402,7 +402,7 @@ def test_arrays_on_two_clocks_are_refused(tmp_path: Path, arrays: Any) -> None:
 def test_packed_numbers_and_tables_of_hdf5(tmp_path: Path) -> None:
     """Integers with the `scale_factor` and `add_offset` of netCDF, and a dataset of columns."""
     h5py = pytest.importorskip("h5py")
-    packed, columns = tmp_path / "packed.h5", tmp_path / "columns.h5"
+    packed, columns, structured = (tmp_path / name for name in ("packed.h5", "columns.h5", "s.npz"))
     with h5py.File(packed, "w") as file:
         for name, values, unit in (("Hammer", HIT, "N"), ("Acc", ANSWER, "g")):
             own = file.create_dataset(name, data=np.round(values * 1000 - 500).astype(np.int16))
@@ -410,7 +410,8 @@ def test_packed_numbers_and_tables_of_hdf5(tmp_path: Path) -> None:
     table = np.rec.fromarrays([HIT, ANSWER], names="hammer,acc")
     with h5py.File(columns, "w") as file:
         file["daq"] = table
-    for path in (packed, columns):
+    np.savez(structured, daq=table)
+    for path in (packed, columns, structured):
         mapping = {**placed(proposed(path), unit="g"), "sample_rate_hz": 2048}
         mapping["channels"][0].update(unit="N")
         for channel in mapping["channels"]:
@@ -418,3 +419,43 @@ def test_packed_numbers_and_tables_of_hdf5(tmp_path: Path) -> None:
         force, response = blocks_in(kept(path, mapping))
         np.testing.assert_allclose(force.samples, HIT, atol=1e-6)
         np.testing.assert_allclose(response.samples, 9.80665 * ANSWER, atol=1e-2)
+
+
+CLOCKS = [
+    ({"start_time": (0.0, 0.0), "sample_rate": (2048.0, 2048.0)}, ""),
+    (
+        {"start_time": (0.0, 0.25), "sample_rate": (2048.0, 2048.0)},
+        "export them over the same times",
+    ),
+    (
+        {"sample_rate": (2048.0, 1024.0)},
+        "daq.Hammer@sample_rate is 2048 and daq.Acc@sample_rate is 1024",
+    ),
+]
+
+
+@pytest.mark.parametrize(("clocks", "why"), CLOCKS)
+def test_attributes_of_each_channel_state_its_clock(
+    tmp_path: Path, clocks: dict[str, tuple[float, float]], why: str
+) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for k, (name, values, unit) in enumerate((("Hammer", HIT, "N"), ("Acc", ANSWER, "g"))):
+            own = file.create_dataset(f"daq/{name}", data=values)
+            own.attrs.update({"unit": unit, **{what: pair[k] for what, pair in clocks.items()}})
+    mapping = placed(proposed(path))
+    if why:
+        assert why in fault_of(path, mapping)
+    else:
+        assert [block.sample_rate_hz for block in blocks_in(kept(path, mapping))] == [2048.0] * 2
+
+
+def test_an_axis_that_counts_days_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    days = 739_000.5 + np.arange(HIT.size) / 2048 / 86_400
+    np.savez(path, time=days, hammer_N=HIT, acc_g=ANSWER)
+    mapping = placed(proposed(path))
+    assert "state it as a number where a time axis counts days" in fault_of(path, mapping)
+    blocks = blocks_in(kept(path, {**mapping, "sample_rate_hz": 2048}))
+    assert [block.sample_rate_hz for block in blocks] == [2048.0] * 2

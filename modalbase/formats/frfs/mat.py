@@ -30,7 +30,7 @@ from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.arrays import Variables, is_named, variable
 from modalbase.formats.records.variables import read_named
 from modalbase.formats.types import FloatArray, Quantity
-from modalbase.formats.units import FORCE, RESPONSE, factor_of, read_unit, unit_beside
+from modalbase.formats.units import FORCE, RESPONSE, factor_of, read_unit, unit_beside, unread_unit
 
 _KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "unit", "factor")
 _SAME = 0.01  # by which a stated factor may differ from that of the unit
@@ -72,8 +72,16 @@ def frfs_of(
     """
     texts = texts or {}
     if document is None:
-        suggested = json.dumps(propose_frfs(variables, texts), ensure_ascii=False)
-        raise FormatError("mapping", f"is missing; the file suggests {suggested}; complete it")
+        proposed = propose_frfs(variables, texts)
+        others = (
+            ""
+            if proposed["frf"]
+            else "; a list of modes is no file of FRFs: type it in as a mode set"
+        )
+        suggested = json.dumps(proposed, ensure_ascii=False)
+        raise FormatError(
+            "mapping", f"is missing; the file suggests {suggested}; complete it{others}"
+        )
     if not isinstance(document, dict) or document.keys() - set(_KEYS):
         raise FormatError("mapping", f"is not an object of {', '.join(_KEYS)}")
     missing = [
@@ -225,6 +233,12 @@ def _spectra(
             f'is {axis!r}, expected {{"variable": name}} or {{"start": …, "step": …}}',
         )
     in_file = unit_beside(name, texts, "frequency")
+    if not in_file and "unit" not in axis and (text := unread_unit(name)):
+        raise FormatError(
+            "mapping.frequency_hz.unit",
+            f"is missing, and the file says {text!r}, which is no unit that is known here; state"
+            " one, such as Hz",
+        )
     stated = axis.get("unit", in_file) or ("Hz" if "unit" not in axis else "")
     factor = factor_of("frequency", stated) if isinstance(stated, str) else None
     if factor is None:

@@ -8,10 +8,16 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.dof_names import dof_in_name
-from modalbase.formats.frfs.parts import is_frequency, names_of, propose_parts, unit_of_values
+from modalbase.formats.frfs.parts import (
+    is_frequency,
+    names_of,
+    propose_parts,
+    unit_in_file,
+    unit_of_values,
+)
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.records.arrays import Variables
-from modalbase.formats.units import unit_beside
+from modalbase.formats.units import read_unit, unit_beside, unread_unit
 
 _SPECTRA = ("cross", "spec", "psd", "csd")
 """Parts of the names of complex spectra that are no FRFs."""
@@ -86,6 +92,19 @@ def doubts(mapping: Any) -> list[str]:
         f'the frequencies {name} are taken in Hz; state "unit": "rad/s" beside the variable where'
         " they are angular"
     ]
+
+
+def assumed(mapping: Any, texts: Mapping[str, str]) -> list[str]:
+    """That neither a mapping nor the file states a unit that is known, so that values are in SI."""
+    if not isinstance(mapping, dict) or mapping.get("unit") or mapping.get("factor") is not None:
+        return []
+    valued = names_of(mapping["frf"])
+    unread = unread_unit(valued[0]) if valued else ""
+    stated = f"{unread!r} is no unit that is known here" if unread else "nobody states a unit"
+    known = read_unit(unit_in_file(mapping["frf"], texts)) is not None
+    return (
+        [] if known else [f"the FRFs are taken in SI, as {stated}: state `unit` where they are not"]
+    )
 
 
 def left_out(variables: Variables, mapping: Any) -> list[str]:

@@ -29,7 +29,8 @@ _STARTS = ("start_value", "xstart", "x0", "t0", "start_time")
 UNEVEN = 1e-3
 """By which the steps of a time axis may differ, of their mean."""
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
-_FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
+# no analyser of vibrations samples faster, and 50 samples a second are by an axis that counts days
+_FASTEST_HZ = 4e6
 
 
 def rate_among(names: Iterable[str]) -> str | None:
@@ -104,12 +105,13 @@ def single_numbers(variables: Variables) -> Variables:
 
 
 def require_one_clock(variables: Variables, names: Iterable[str]) -> None:
-    """Refuse channels whose own time axes, or starts, differ: `Acc.t` and `Hammer.t`, or
-    `Data1_time_Acc` of `Data1_Acc`.
+    """Refuse channels whose own time axes, starts or rates differ: `Acc.t` and `Hammer.t`,
+    `Data1_time_Acc` of `Data1_Acc`, `daq.acc@start_time` of `daq.acc`.
 
     Raises:
         FormatError: as said; names both.
     """
+    names = list(names)
     rising = {name for name, array in variables.items() if _is_axis(array)}
     axes = {name: own for name in names if (own := _axis_of(variables, rising, name)) is not None}
     first = next(iter(axes.values()), "")
@@ -123,6 +125,24 @@ def require_one_clock(variables: Variables, names: Iterable[str]) -> None:
                 f" {one[0]:.6g} and {one.size}; the channels of a hit are on one clock: export them"
                 " over the same times",
             )
+    single = single_numbers(variables)
+    rates = {own: float(single[own].item()) for name in names
+             if (own := rate_among(_beside(single, array_of(name)))) is not None}  # fmt: skip
+    if rates and max(rates.values()) - min(rates.values()) > _OTHER_RATE * max(rates.values()):
+        listed = " and ".join(f"{own} is {rate:g}" for own, rate in rates.items())
+        raise FormatError("mapping.sample_rate_hz", f"is one of all channels, and {listed}")
+
+
+def _beside(variables: Iterable[str], own: str) -> list[str]:
+    """What stands beside an array itself: its attributes, those of the nearest group that has any,
+    and what else is in its structure.
+    """
+    names, parts = list(variables), own.split(".")
+    for depth in range(len(parts), 0, -1):
+        inside = re.compile(re.escape(".".join(parts[:depth])) + r"[.@][^.@]+")
+        if near := [name for name in names if name != own and inside.fullmatch(name)]:
+            return near
+    return []
 
 
 def _axis_of(variables: Variables, rising: Set[str], name: str) -> str | None:
@@ -136,8 +156,10 @@ def _axis_of(variables: Variables, rising: Set[str], name: str) -> str | None:
         inside = [v for v in variables if v.startswith(".".join(parts[:depth]) + ".") and v != own]
         if axes := [v for v in inside if v in rising and variables[v].size == size]:
             return axes[0] if len(axes) == 1 else None
-        if starts := [v for v in inside if _is_start(v, variables[v])]:
+        if starts := [v for v in inside if "@" not in v and _is_start(v, variables[v])]:
             return starts[0]
+    if starts := [v for v in _beside(variables, own) if _is_start(v, variables[v])]:
+        return starts[0]
     fitting = (v for v in variables if v in rising and v != own and variables[v].size == size)
     bare = ((v, re.sub(r"_?time", "", v, count=1, flags=re.IGNORECASE)) for v in fitting)
     return next((v for v, channel in bare if channel == own), None)
@@ -157,7 +179,9 @@ def _is_axis(array: np.ndarray[Any, Any]) -> bool:
 
 def _is_start(name: str, array: np.ndarray[Any, Any]) -> bool:
     return (
-        array.size == 1 and array.dtype.kind in "fiu" and name.rpartition(".")[2].lower() in _STARTS
+        array.size == 1
+        and array.dtype.kind in "fiu"
+        and re.split(r"[.@]", name)[-1].lower() in _STARTS
     )
 
 
@@ -290,7 +314,10 @@ def axis_rate(
 
 def _plausible(rate: float) -> float:
     if not 0 < rate <= _FASTEST_HZ:
-        expected = f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}"
+        expected = (
+            f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}; state it as a"
+            " number where a time axis counts days or has no unit"
+        )
         raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, {expected}")
     return float(f"{rate:.12g}")
 

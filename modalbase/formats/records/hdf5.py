@@ -229,7 +229,7 @@ def whole(name: str, dataset: Any) -> np.ndarray[Any, Any] | None:
 def _scaled(dataset: Any, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Numbers that are stored packed, as netCDF has them: times `scale_factor` plus `add_offset`."""
     factor, offset = (dataset.attrs.get(name) for name in ("scale_factor", "add_offset"))
-    if values.dtype.kind not in "fiu" or (factor is None and offset is None):
+    if values.dtype.kind not in "fiuc" or (factor is None and offset is None):
         return values
     factor, offset = (1.0 if factor is None else factor), (0.0 if offset is None else offset)
     return np.asarray(values * np.float64(np.squeeze(factor)) + np.float64(np.squeeze(offset)))

@@ -132,8 +132,9 @@ def read_mapping(
         faults.append(
             (
                 "mapping.channels",
-                f"have {forces} channels of the quantity force, expected one; where all of them act"
-                " throughout, state kind=loads",
+                f"have {forces} channels of the quantity force, expected one; where each is of a hit of"
+                " its own, import each hit by a mapping of its own; where all of them act throughout,"
+                " state kind=loads",
             )
         )
     if faults:

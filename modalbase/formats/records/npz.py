@@ -20,6 +20,7 @@ from modalbase.formats.records.arrays import (
     channels_of,
     rate_among,
     real,
+    require_one_clock,
     sampling_rate,
     single_numbers,
 )
@@ -96,6 +97,7 @@ class NpzRecording:
         Raises:
             FormatError: they differ in length or hold no real numbers, or it is no rate.
         """
+        require_one_clock(self.small, names)
         length = self.channels[names[0]].length
         for name in names:
             own = self.channels[name]

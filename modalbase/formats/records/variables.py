@@ -103,13 +103,20 @@ def npz_arrays(path: Path, limit_bytes: int | None) -> Variables:
     with zipfile.ZipFile(path) as archive:
         members = arrays_of(archive)
         _within(sum(member.file_size for member in members.values()), limit_bytes, "")
-        return {name: read_array(archive, member) for name, member in members.items()}
+        arrays = {name: read_array(archive, member) for name, member in members.items()}
+    return {own: array for name, each in arrays.items() for own, array in _fields(name, each)}
 
 
 def npy_arrays(path: Path, limit_bytes: int | None) -> Variables:
     """The one array of an npy."""
     _within(path.stat().st_size, limit_bytes, "")
-    return {ARRAY: read_npy(path)}
+    return dict(_fields(ARRAY, read_npy(path)))
+
+
+def _fields(name: str, array: np.ndarray[Any, Any]) -> list[tuple[str, np.ndarray[Any, Any]]]:
+    """An array by its name, or the fields of one that has such, `table.force`."""
+    fields = array.dtype.names
+    return [(f"{name}.{own}", array[own]) for own in fields] if fields else [(name, array)]
 
 
 def mat_arrays(path: Path, limit_bytes: int | None) -> Variables:

@@ -40,6 +40,7 @@ ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252",
 _COMMENTS = "#%"
 _MOST_WORDS = 200  # of a preamble that are looked at
 _MOST_HEADINGS = 5
+_MOST_ACROSS = 32  # columns of a table whose few lines begin with words, and hold a value of each
 _DATA: tuple[Kind, ...] = ("number", "time", "date")
 
 
@@ -269,6 +270,12 @@ class _Split:
         if not headings and self.separator == "," and not stated.separator:
             _refuse_commas_both(data[0], cells)
         _refuse_complex(data[0])
+        if not headings and self.kinds[0] == "text" and len(data) < len(places) > _MOST_ACROSS:
+            raise FormatError(
+                f"line {data[0].line}",
+                f"has {len(places)} numbers behind {data[0].cells[0][:40]!r}, and so have"
+                f" {len(data)} lines: values run along lines; export the table transposed",
+            )
         names, units, units_row = self._names(headings)
         top = min((row.line for row in headings), default=data[0].line)
         preamble = [row for row in self.rows[:first] if row.line < top]

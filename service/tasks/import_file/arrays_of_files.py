@@ -26,7 +26,7 @@ from modalbase.formats.frfs.parts import (
     propose_parts,
     texts_of,
 )
-from modalbase.formats.frfs.proposal import doubts, left_out, propose_frfs
+from modalbase.formats.frfs.proposal import assumed, doubts, left_out, propose_frfs
 from modalbase.formats.frfs.table import without_gap
 from modalbase.formats.recognise import recognise
 from modalbase.formats.records import (
@@ -335,8 +335,6 @@ def _single_hits(inputs: ReadingInputs, form: str) -> Iterator[FileDescription |
         variables |= _faults_as(
             _dotted, lambda: file.arrays([axis["variable"]], limit_of(inputs.path))
         )
-    if SAMPLE_RATE in variables and isinstance(stated, dict):
-        stated = {"sample_rate_hz": {"variable": SAMPLE_RATE}, **stated}
     description, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
     yield replace(
         description,
@@ -418,7 +416,7 @@ def _mapped_frfs(
     )
     frfs, gap = _faults_as(_dotted, lambda: without_gap(mapped))
     rows = encoded(frfs)
-    yield replace(description, notes=[*notes, *gap])
+    yield replace(description, notes=[*notes, *assumed(inputs.mapping, texts), *gap])
     yield from rows
 
 
@@ -455,6 +453,8 @@ def hits_of(
         if not dry_run:
             raise Invalid("mapping", _missing(description.mapping))
         return description, []
+    if SAMPLE_RATE in variables and isinstance(stated, dict):
+        stated = {"sample_rate_hz": {"variable": SAMPLE_RATE}, **stated}
     mapping = _faults_as(_dotted, lambda: read_mapping(stated, units))
     blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping, units))
     return replace(description, blocks=len(blocks), counted=mapping.hit is None), blocks
