@@ -52,13 +52,14 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import CLEAR, FEW, Arrangement, row_medians
-from fecore.modal.series import BESIDE, NEAR, ONE, Terms
+from fecore.modal.series import NEAR, Terms
 
 if TYPE_CHECKING:
     from fecore.modal.refine import LinearFit
 
 _LEAST_REACH = 2  # lines on each side of a pole, at least, within which a misfit is its own
 _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
+_NARROW, _BESIDE = 0.1, 8  # lines: a half bandwidth below may be one line's alone; lines looked at
 _RISE = 1e3  # most that counts; the least is 1
 _SHARE = 0.03  # least that counts; the most is 1
 _LEAST = 0.01  # distance, share in other FRFs, and 1 - MAC of one shape that errors leave
@@ -102,7 +103,6 @@ COVARIANCE = np.array(
         [0.0000, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000, 0.0922],
     ]
 )
-_ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,8 @@ class Evidence:
     # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
     twin: IntArray
     trend: FloatArray  # (n,) ζ_t
-    tone: BoolArray  # (n,) whether it hardly dies away within a record, as interference does
+    # (n,) whether it hardly dies away within a record, or is seen in one line, as interference is
+    tone: BoolArray
     delay: float  # of the channels, s
     turned: bool  # whether all residues are turned by 90°
 
@@ -199,6 +200,7 @@ def evidence_of(arrangement: Arrangement, fit: LinearFit, growth: Growth | None 
     height, share = _share(arrangement, fit, known)
     inside = arrangement.in_band(terms.frequency_hz)
     tone = inside & (terms.half_bandwidth_hz < _LASTS * arrangement.spacing_hz)
+    tone |= inside & _of_one_line(arrangement, fit)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
@@ -235,6 +237,22 @@ def _rise(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
     usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05
     with_it = np.maximum(misfit @ near, usual)
     return np.asarray(np.clip(1 + fit.gains / with_it, 1.0, _RISE))
+
+
+def _of_one_line(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
+    """(n,) poles far narrower than a line that the lines beside their nearest one do not pay for: the
+    one is as well interference.
+    """
+    terms, hz = fit.terms, arrangement.frequency_hz
+    one = terms.half_bandwidth_hz < _NARROW * arrangement.spacing_hz
+    for k in np.flatnonzero(one):
+        place = int(np.argmin(np.abs(hz - terms.frequency_hz[k])))
+        beside = np.abs(np.arange(hz.size) - place)
+        beside = np.flatnonzero((beside > 0) & (beside <= _BESIDE))
+        both = slice(2 * k, 2 * k + 2)
+        own = fit.linear.coefficients[:, both] @ fit.linear.basis[beside, both].T
+        one[k] = np.sum(fit.weight[:, beside] * np.abs(own) ** 2) < fit.pole_price
+    return np.asarray(one)
 
 
 def _known(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
@@ -563,17 +581,3 @@ def no_mode_message(arrangement: Arrangement, refused: tuple[RefusedPole, ...], 
         + "Try a band around a resonance, more averages, or a higher order; check that responses"
         " and forces are not swapped, and that the imaginary part has the sign of exp(+iωt)."
     )
-
-
-def spurious(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
-    """(n,) poles in band that are rather no modes, do not come again in each block of a recording,
-    and overlap one that is; and poles hardly apart from a larger one.
-    """
-    evidence, terms = evidence_of(arrangement, fit), fit.terms
-    good = probability(evidence, terms.damping_ratio) >= 0.5
-    width = terms.half_bandwidth_hz
-    apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
-    beside = arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1)
-    # nearer ones may be one mode, or two shapes that the references see under one pole
-    once = ~(evidence.repeat > CLEAR) | (apart[:, good] < ONE).any(axis=1)
-    return np.asarray((~good & once & beside) | (evidence.apart < _ONE))

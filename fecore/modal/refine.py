@@ -481,7 +481,8 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
         by_frf *= weights.share[:, None, None]
         for row, lines in weights.gaps:
             frame = at_lines(linear.scaled, lines) @ linear.turn
-            lost = missing_slopes(frame, at_lines(own, lines)).reshape(-1, n, 2)
+            lost = missing_slopes(frame, at_lines(own, lines))
+            lost = lost.reshape(len(lost), n, 2)
             lost = np.sqrt(weights.share[row]) * np.einsum("gka,pka->gpk", lost, turn[row])
             information -= np.einsum("gpk,gql->pkql", lost, lost)
             by_frf[row] -= np.sum(lost**2, axis=0)

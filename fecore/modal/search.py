@@ -40,7 +40,7 @@ from fecore.modal.arrangement import (
     clusters,
     linear_poles,
 )
-from fecore.modal.judge import curves_alike, spurious
+from fecore.modal.judge import REFUSED, curves_alike, evidence_of, probability
 from fecore.modal.refine import (
     HOPELESS,
     PASSES,
@@ -72,6 +72,8 @@ from fecore.modal.series import (
 ROUNDS = 5
 """Of growth on the residual."""
 
+# distance below which the residues of two poles cancel, and have no phase of their own
+_CANCEL = 0.05
 _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 
 STEPS = 8
@@ -454,11 +456,26 @@ def without_spurious(data: CombinedFrfs, fit: LinearFit) -> LinearFit:
     for _ in range(PASSES):
         if not fit.terms.pairs:
             break
-        gone = spurious(data.arrangement, fit)
+        gone = _spurious(data.arrangement, fit)
         if not gone.any():
             break
         fit = data.fitted(data.refined(fit.terms.some(~gone), fit.terms))
     return fit
+
+
+def _spurious(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
+    """(n,) refused poles in band that do not come again in each block of a recording, and overlap one
+    that is rather a mode; and poles hardly apart from a larger one.
+    """
+    evidence, terms = evidence_of(arrangement, fit), fit.terms
+    p = probability(evidence, terms.damping_ratio)
+    good, poor = p >= 0.5, p < REFUSED
+    width = terms.half_bandwidth_hz
+    apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
+    beside = arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1)
+    # nearer ones may be one mode, or two shapes that the references see under one pole
+    once = ~(evidence.repeat > CLEAR) | (apart[:, good] < ONE).any(axis=1)
+    return np.asarray((poor & once & beside) | (evidence.apart < _CANCEL))
 
 
 def with_stated(data: CombinedFrfs, fit: LinearFit, stated: Terms) -> tuple[LinearFit, IntArray]:

@@ -31,7 +31,7 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.findings import Finding
-from fecore.modal.arrangement import CLEAR, Arrangement
+from fecore.modal.arrangement import CLEAR, FEW, Arrangement
 from fecore.modal.errors import widened
 from fecore.modal.findings import finding
 from fecore.modal.refine import PoleFit
@@ -46,6 +46,7 @@ from fecore.modal.series import (
 )
 
 # second singular value of the residues over the first from which there are two modes
+_FAULTY = 0.1  # of the dofs that may be met with a wrong sign
 _SECOND_SHAPE = 0.1
 # standard deviations that a driving-point residue must be above zero to normalise by it
 _SURE = 4.0
@@ -195,6 +196,9 @@ def of_rank_two(
 ) -> BoolArray:
     """(n,) whether the residues (N, n) of each pole against several fixed dofs are two shapes: two
     modes at one frequency.
+
+    The dofs at which the second is largest do not count where there are enough: the wrong sign of
+    one FRF is a second shape there, of all modes.
     """
     p, m = len(arrangement.roving), len(arrangement.fixed)
     two = np.zeros(residues.shape[1], dtype=bool)
@@ -202,7 +206,11 @@ def of_rank_two(
     if len(arrangement.pairs) != p * m or len(measured) != p * m or min(p, m) < 2:
         return two
     for k in range(two.size):
-        singular = np.linalg.svd(residue_matrix(arrangement, residues[:, k]), compute_uv=False)
+        matrix = residue_matrix(arrangement, residues[:, k])
+        if p >= FEW:
+            second = np.abs(np.linalg.svd(matrix, full_matrices=False)[0][:, 1])
+            matrix = matrix[np.argsort(second)[: p - max(1, round(_FAULTY * p))]]
+        singular = np.linalg.svd(matrix, compute_uv=False)
         # about the largest value of noise alone
         noise = (np.sqrt(p) + np.sqrt(m)) * np.sqrt(np.mean(variance[:, k]))
         two[k] = singular[1] > CLEAR * noise and singular[1] > _SECOND_SHAPE * singular[0]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.identification import SETS
-from benchmarks.made_frfs import KINDS, Harsh
+from benchmarks.made_frfs import GOOD, KINDS, Harsh
 from examples.paper import synthesis
 from examples.paper.published import FREE_UPDATED, free_beam
 from fecore.body.supports import PointMass
@@ -195,9 +195,11 @@ def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:
     assert np.allclose(found.modes.damping_ratio, zeta, rtol=0.01)
 
 
-def test_noise_that_rises_towards_0_hz_and_hum_hold_no_mode() -> None:
+@pytest.mark.parametrize("seed", [5069, 12002, 12008])
+def test_noise_that_rises_towards_0_hz_and_hum_hold_no_mode(seed: int) -> None:
+    """At 12002 hum stands in one line of all FRFs; at 12008 no pole may be a mode after a refusal."""
     with pytest.raises(IdentificationError, match="no mode"):
-        identify(KINDS["quiet"](5069, Harsh.drawn(5069)).frfs)
+        identify(KINDS["quiet"](seed, Harsh.drawn(seed) if seed % 2 else GOOD).frfs)
 
 
 @pytest.mark.parametrize("rows", [1, 5])

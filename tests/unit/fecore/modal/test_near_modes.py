@@ -1,13 +1,17 @@
 """Two modes under one pole: parted by several references, and one mode left as one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from benchmarks.made_frfs import KINDS
 from fecore.correlation import mac
 from fecore.frf import Dof, FrfSet
 from fecore.modal import identify
 from fecore.modal.arrangement import arrange
 from fecore.modal.shapes import of_rank_two
+from tests.support.beams import add_noise
 
 LINE = 1 / 32  # Hz
 POINTS = 20
@@ -136,3 +140,28 @@ def test_modes_that_all_come_in_pairs_are_no_drift() -> None:
     found = identify(tour(pairs, np.zeros(12)))
     assert found.modes.frequency_hz == pytest.approx(pairs, rel=5e-4)
     assert not any("drift together" in w for w in found.warnings)
+
+
+def test_a_small_mode_in_the_flank_of_another_stays_as_uncertain() -> None:
+    """A fifth as large and 0.4 half bandwidths of both beside it: rather no mode, by features; but it
+    bends the curve of the larger by many standard deviations, and left in silence.
+    """
+    rng, hz = np.random.default_rng(0), np.arange(0.5, 400.1, 0.5)
+    true, zeta = np.array([100.0, 214.0, 215.0, 300.0]), np.array([0.006, 0.0033, 0.0087, 0.005])
+    residue = rng.standard_normal((4, 12)) * np.array([[1.0], [1.0], [0.2], [1.0]])
+    w, s = 2 * np.pi * true[:, None], 2j * np.pi * hz
+    values = residue.T @ (s**2 / (s**2 + 2 * zeta[:, None] * w * s + w**2))
+    dofs = tuple(Dof(i + 1, 3) for i in range(12))
+    frfs = FrfSet(hz, add_noise(values, 0.01, 0.0, rng), dofs, (Dof(1, 3),) * 12)
+    modes = identify(frfs).found.modes
+    np.testing.assert_allclose(modes.frequency_hz, true, rtol=1e-4)
+    assert np.all(np.abs(modes.damping_ratio - zeta) < 3 * modes.damping_sd)
+    assert 0.1 < modes.probability[2] < 0.9 < np.delete(modes.probability, 2).min()
+
+
+def test_the_wrong_sign_of_one_frf_is_no_second_shape() -> None:
+    draw = KINDS["aeroplane"](3)
+    values = draw.frfs.values.copy()
+    values[7] *= -1
+    whole, wrong = (identify(f).modes for f in (draw.frfs, replace(draw.frfs, values=values)))
+    np.testing.assert_allclose(wrong.frequency_hz, whole.frequency_hz, rtol=1e-4)
