@@ -85,6 +85,47 @@ def _following(
     return (Parameter(first), *tied)
 
 
+def with_followers(
+    parameters: Sequence[Parameter], nominal: Mapping[str, float]
+) -> tuple[Parameter, ...]:
+    """A recipe's parameters, with what follows a named modulus of an isotropic material and is not
+    named itself: the material stays one.
+
+    Args:
+        parameters: of the recipe.
+        nominal: the body's constants.
+    """
+    named, followers = {p.name for p in parameters}, list[Parameter]()
+    for master in parameters:
+        place, dot, last = master.name.rpartition(".")
+        kind = kind_of(master.name)
+        usual, constants = _OF_KIND.get(kind, (of_plies, ()))
+        names = {c: f"{place}{dot}{c}{last.removeprefix(kind)}" for c in constants}
+        own = {c: nominal[name] for c, name in names.items() if name in nominal}
+        if not own or len(own) < len(names) or (master.fixed and master.prior_mean is None):
+            continue
+        share = (master.prior_mean or own[kind]) / own[kind]
+        for each in usual(own):
+            # of an orthotropic material nothing follows as exactly
+            if each.prior_sd is not None and (name := names[each.name]) not in named:
+                followers.append(
+                    Parameter(
+                        name,
+                        share * own[each.name],
+                        None if master.fixed else share * each.prior_sd,
+                        master.fixed,
+                        None if master.fixed else master.tied_to or master.name,
+                    )
+                )
+    return (*parameters, *followers)
+
+
+# what is updated by the name of a modulus, and the constants that say so
+_OF_KIND = {
+    "E1": (of_plies, ("E1", "E2", "nu12", "G12", "G13", "G23")),
+    "E": (of_beams, ("E", "G")),
+}
+
 COMMON_SD, OWN_SD = 0.30, 0.15
 """Relative prior of a material, and scatter of the sets that are made of it."""
 

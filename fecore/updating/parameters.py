@@ -43,6 +43,7 @@ from fecore.body.constants import (
     Body,
     CommonPrior,
     Parameter,
+    with_followers,
 )
 from fecore.errors import InputError
 from fecore.quantities import (
@@ -450,6 +451,7 @@ def parametrise(
     """
     nominal = _nominal(specimen)
     parameters = [p for p in parameters if not is_of_damping(p.name)]
+    parameters = with_followers(parameters, nominal)
     coefficients = tuple(p for p in parameters if constant_of(p.name) is not None)
     free = [p for p in parameters if not p.fixed and p.tied_to is None and p not in coefficients]
     changing = [p.name + PER_K for p in free if coefficient_of(p.name, specimen) is not None]

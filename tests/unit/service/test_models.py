@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from fecore.arrays import FloatArray
+from fecore.body.constants import Parameter
 from fecore.body.structure import Structure
 from fecore.dynamics.eigen import normal_modes
 from fecore.errors import InputError, ModelError
+from fecore.updating.parameters import parametrise
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import Spring, Support, Where
@@ -100,6 +102,16 @@ def test_sets_of_an_isotropic_material_have_one_free_modulus() -> None:
     body = body_of_model(read_inp(STEEL))
     free = [each.name for each in body.default_parameters() if each.tied_to is None]
     assert free == ["plate.E1", "bar.E"]
+    named = Parameter("plate.E1"), Parameter("bar.E", prior_mean=1.8e11, fixed=True)
+    prior = parametrise(body, named)
+    assert prior.reported == ("plate.E1",)
+    now = dict(zip(body.nominal, prior.constants(1.1 * prior.prior_mean), strict=True))
+    for name, share in {
+        "plate.E2": 1.1, "plate.G12": 1.1, "plate.G23": 1.1, "bar.G": 1.8 / 2.1, "plate.nu12": 1.0
+    }.items():  # fmt: skip
+        assert now[name] == pytest.approx(share * body.nominal[name], rel=1e-12)
+    own = parametrise(body, (*named, Parameter("plate.G12")))
+    assert own.reported == ("plate.E1", "plate.G12")
 
 
 def test_a_thickness_that_all_elements_override_says_nothing() -> None:
