@@ -148,3 +148,28 @@ def test_each_file_is_sent_once_through_outages_and_restarts(
         states = [one["status"] for one in listed]
         assert sorted(states) == ["failed", "failed", *3 * ["succeeded"]]
         assert len(ok(api.get(f"structures/{structure.id}/campaigns"))["items"]) == 4
+
+
+def test_files_are_read_as_one_of_another_structure_was(
+    service: LocalService, tmp_path: Path
+) -> None:
+    """What stands for its boundary, frame and mapping is found by `project/structure/campaign`."""
+    (tmp_path / "first.npz").write_bytes(wind(1))
+    (tmp_path / "deck_20260302T0900.npz").write_bytes(wind(2))
+    env = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": service.new_key("warden")}
+    with modalbase.connect(service.url, env["MODALBASE_API_KEY"]) as lab:
+        project = lab.new_project("two decks")
+        before = project.new_structure("old deck").new_campaign("May", boundary="free")
+        project.new_structure("new deck")
+        line = ["watch", tmp_path, "--structure", "new deck", "--pattern", "deck_*.npz", *NAMED[:4]]
+        line += ["--rest", "0", "--once", "--like"]
+        like = "two decks/old deck/May"
+        refused = modalbase_here(*line, like, code=2, **env)
+        assert f"no file was read into campaign '{like}'" in refused.stderr
+        before.import_file(tmp_path / "first.npz", mapping=WIND)
+        modalbase_here(*line, like, **env)
+        (campaign,) = project.structure("new deck").campaigns()
+        (read,) = campaign.imports()
+        assert (campaign.fields["boundary"], read.fields["mapping"]) == ("free", WIND)
+        refused = modalbase_here(*line, "two decks/old deck/June", code=2, **env)
+        assert "June" in refused.stderr
