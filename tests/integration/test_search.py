@@ -169,7 +169,7 @@ REFUSED = [
     ("1 = 1", "compares no field"),
     ("name LIKE 'x\\'", "single \\"),
     ("S_INTERSECTS(name, POINT(1 2))", "S_INTERSECTS"),
-    ("temperature_c >", "cannot be read as CQL2"),
+    ("temperature_c >", "cannot be read, behind"),
     ("(" * 51 + "name = 'x'" + ")" * 51, "brackets"),
     ("NOT " * 60 + "name = 'x'", "levels"),
     ("name = '" + "x" * 2000 + "'", "at most 2000"),

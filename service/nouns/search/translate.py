@@ -10,6 +10,7 @@ is both.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -63,7 +64,7 @@ def condition(text: str, noun: Noun, scope: Scope) -> ColumnElement[bool]:
     try:
         document = cql2.parse_text(text).to_json()
     except cql2.ParseError as error:
-        raise Invalid("filter", f"cannot be read as CQL2:{_place(error)}") from None
+        raise Invalid("filter", _why_not(text, str(error))) from None
     return _all([_Reader(noun).tree(document, negated=False, depth=0)], scope)
 
 
@@ -89,11 +90,23 @@ def _require_short(text: str) -> None:
             raise Invalid("filter", f"has more than {DEEPEST} brackets within one another")
 
 
-def _place(error: Exception) -> str:
-    lines = str(error).strip().splitlines()
-    return f" at line and column {lines[0].removeprefix('--> ').strip()}, {lines[-1].strip(' =')}"[
-        :400
-    ]
+def _why_not(text: str, error: str) -> str:
+    r"""What stands where the parser of a filter stopped, and what may stand there.
+
+    >>> _why_not("Ex > 3e10 Pa", " --> 1:11\n = expected EOI, And, Or, Eq, or Gt")
+    "cannot be read from 'Pa' on, behind 'Ex > 3e10': expected AND, OR or the end; a number has no unit"
+    """
+    place = re.search(r"(\d+):(\d+)", error)
+    if place is None:
+        return f"cannot be read: {error.strip()}"
+    line, column = map(int, place.groups())
+    at = sum(map(len, text.splitlines(keepends=True)[: line - 1])) + column - 1
+    before, rest = text[:at].strip()[-60:], text[at:].strip()[:60]
+    may = "a number, a text in single quotes, or a field"
+    if "And" in error:
+        may = "AND, OR or the end; a number has no unit" if "EOI" in error else "a closing bracket"
+    where = f" from {rest!r} on" if rest else ""
+    return f"cannot be read{where}{f', behind {before!r}' if before else ''}: expected {may}"
 
 
 class _Reader:
