@@ -7,7 +7,7 @@ sentence again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -62,6 +62,12 @@ class Finding:
         """
         del names
         return self
+
+    def reworded(self, words: Callable[[str], str]) -> Finding:
+        """The same with each of its texts as a function of texts gives it."""
+        sentence, text, advice = map(words, (self.sentence, self.text, self.advice))
+        subject = self.subject and words(self.subject)
+        return replace(self, sentence=sentence, text=text, advice=advice, subject=subject)
 
     def passed_on(self, kind: str, weight: float) -> Finding:
         """The same as a result says it, under the kind that it has for all remarks of a step."""

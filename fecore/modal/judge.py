@@ -539,7 +539,8 @@ def _words(
         )
         return f"the phase of its residues is {like} (r = {r:.2f})"
     if name == "rise":
-        return f"without it the local misfit is {evidence.rise[k]:.3g} times as large"
+        most = "at least " if evidence.rise[k] >= _RISE else ""
+        return f"without it the local misfit is {most}{float(f'{evidence.rise[k]:.3g}'):g} times as large"
     if name == "share":
         return f"it is {100 * evidence.share[k]:.0f} % of the FRFs at its frequency"
     if name == "damping":

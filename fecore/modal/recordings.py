@@ -22,6 +22,7 @@ spectral kurtosis of the responses lies nearer to a sine's -1 than to a random r
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,6 +35,7 @@ from fecore.errors import IdentificationError, InputError
 from fecore.findings import Finding, make, remark
 from fecore.frf import POWER_OF_I_OMEGA, FrfSet
 from fecore.modal.identify import Options, Report, identify
+from fecore.modal.judge import Feature
 from fecore.modal.result import Identification, IdentifiedPoles, named_mode
 from fecore.modal.series import columns, derivatives, slope_parts, stacked
 from fecore.modes import MeasuredModes
@@ -133,7 +135,38 @@ def identify_output_only(
     )
     rms = _rms(setups, identification)
     done = replace(identification, found=kept, notes=notes)
-    return OutputOnly(replace(done, harmonics_hz=harmonics, response_rms=rms))
+    return OutputOnly(_of_spectra(replace(done, harmonics_hz=harmonics, response_rms=rms)))
+
+
+_FRF = re.compile(r"\b(an )?FRF(s?)\b")
+
+
+def _of_spectra(identification: Identification) -> Identification:
+    """An identification that says of half spectra what `identify` says of FRFs."""
+
+    def words(text: str) -> str:
+        return _FRF.sub(lambda m: f"{'a ' if m[1] else ''}half spectr{'a' if m[2] else 'um'}", text)
+
+    def reasons(features: Sequence[Feature]) -> tuple[Feature, ...]:
+        return tuple(replace(each, words=words(each.words)) for each in features)
+
+    found = identification.found
+    return replace(
+        identification,
+        found=replace(
+            found,
+            features=tuple(map(reasons, found.features)),
+            doubt=tuple(why and words(why) for why in found.doubt),
+        ),
+        refused=tuple(
+            replace(each, why=each.why.reworded(words)) for each in identification.refused
+        ),
+        refused_poles=tuple(
+            replace(each, reason=words(each.reason), features=reasons(each.features))
+            for each in identification.refused_poles
+        ),
+        notes=tuple(each.reworded(words) for each in identification.notes),
+    )
 
 
 def _rms(

@@ -77,6 +77,9 @@ def test_a_machine_is_named_and_no_mode(with_machine: OutputOnly) -> None:
     np.testing.assert_allclose(modes.frequency_hz, [3.0, 8.0, 13.0], rtol=5e-3)
     (said,) = (each.sentence for each in notes if each.kind == "harmonic")
     assert said.startswith("9.000 Hz is a harmonic")
+    words = repr(with_machine.identification.found.features)
+    assert "half spectrum" in words
+    assert "FRF" not in words
 
 
 def test_a_short_recording_says_how_long_it_should_be(with_machine: OutputOnly) -> None:
