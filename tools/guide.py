@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from service.pages.guide.contents import PICTURES, addresses, files, whole_page
-from service.pages.guide.routes import STYLES
+from service.pages.guide.routes import LINKED
 from service.pages.look import FOLDER as STATIC
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def write(folder: Path) -> list[Path]:
     """Write every page, picture and style sheet; the pages' files."""
-    for style in STYLES:
+    for style in LINKED:
         (folder / "static").mkdir(parents=True, exist_ok=True)
         shutil.copy(STATIC / style, folder / "static" / style)
     for name, file in files().items():
@@ -33,7 +33,7 @@ def _page(address: str) -> str:
     html = whole_page(
         address,
         "../" * address.count("/"),
-        tuple(f"static/{style}" for style in STYLES),
+        tuple(f"static/{style}" for style in LINKED),
         service=False,
         search=False,
     )

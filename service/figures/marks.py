@@ -5,6 +5,7 @@ Texts are plain; a line break is a line break. `hover` alone is a template of Pl
 its own will do, None where nothing is said.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -232,6 +233,20 @@ def words(title: str, sentence: str) -> Figure:
 def shortened(name: str, longest: int = LONGEST_NAME) -> str:
     """A name given by a person, cut where it is too long for a title."""
     return name if len(name) <= longest else name[: longest - 1] + "…"
+
+
+_OF_MODE = re.compile(r"\b(frequency|damping_ratio|zeta)_?(\d+)\b")
+
+
+def mode_words(text: str) -> str:
+    """A text in which values of modes, as monitors name them, are called as people do.
+
+    >>> mode_words("Ex, frequency_2, zeta1")
+    'Ex, mode 2 frequency, mode 1 damping ratio'
+    """
+    return _OF_MODE.sub(
+        lambda m: f"mode {m[2]} {'frequency' if m[1] == 'frequency' else 'damping ratio'}", text
+    )
 
 
 def counted(count: int, noun: str, nouns: str = "") -> str:

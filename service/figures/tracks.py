@@ -11,8 +11,18 @@ import numpy as np
 
 from fecore.normal import Z_95
 from service.figures.colors import PALETTE, QUIET, UPDATED
-from service.figures.marks import Axis, Curve, Figure, Mark, Panel, Points, shortened, words
-from service.nouns.campaigns.climate import label_of_covariate, unit_of_covariate
+from service.figures.marks import (
+    Axis,
+    Curve,
+    Figure,
+    Mark,
+    Panel,
+    Points,
+    mode_words,
+    shortened,
+    words,
+)
+from service.figures.trend import named_covariate, shown_in
 
 Row = Mapping[str, Any]
 FREQUENCY = "frequency"
@@ -72,7 +82,7 @@ def _track(
 ) -> Iterator[Mark]:
     points = {point["performed_at"]: point for point in row["points"]}
     hz = [points[date]["raw"] if date in points else math.nan for date in dates]
-    name = f"{row['name']}, {_mean(row):.4g} Hz"
+    name = f"mode {row['name'].rsplit('_')[-1]}, {_mean(row):.4g} Hz"
     yield Curve(list(dates), hz, "", color, width=1, symbol="circle", size=4, group=name)
     there, change, error = zip(*_changes(row), strict=True)
     look: Any = {
@@ -95,25 +105,27 @@ def covariate_figure(document: Row, parameter: str, covariate: str) -> Figure:
         covariate: one that its baseline takes out, or any other that campaigns state.
     """
     row = next((each for each in document["parameters"] if each["name"] == parameter), None)
-    title = f"{shortened(document['structure_name'])}: {parameter} over {covariate}"
+    named = named_covariate(covariate)
+    title = f"{shortened(document['structure_name'])}: {mode_words(parameter)} over {named}"
     stated = {
         each["campaign_id"]: {**each, **each["covariates"]}.get(covariate)
         for each in document["campaigns"]
     }
     points = [p for p in row["points"] if stated.get(p["campaign_id"]) is not None] if row else []
     if row is None or not points:
-        return words(title, f"no campaign with a value states {covariate}")
+        return words(title, f"no campaign with a value states {named}")
     x = np.array([stated[point["campaign_id"]] for point in points], dtype=float)
-    axis = Axis(f"{label_of_covariate(covariate)} [{unit_of_covariate(covariate)}]")
-    named = parameter if row["unit"] in (None, "1") else f"{parameter} [{row['unit']}]"
-    error = Z_95 * np.array([point["standard_deviation"] for point in points])
-    after = [math.nan if p["corrected"] is None else p["corrected"] for p in points]
-    before = [point["raw"] for point in points]
+    axis = Axis(named)
+    scale, unit = shown_in(parameter, row["unit"])
+    value = mode_words(parameter) + (f" [{unit}]" if unit else "")
+    error = scale * Z_95 * np.array([point["standard_deviation"] for point in points])
+    after = [math.nan if p["corrected"] is None else scale * p["corrected"] for p in points]
+    before = [scale * point["raw"] for point in points]
     both = np.array([before, after])
     ends = np.nanmin(both - error), np.nanmax(both + error)
     # axes of their own: one for both would put them in one place
     panels = [
-        Panel(replace(axis), Axis(named, range=ends), across=across, title=title)
+        Panel(replace(axis), Axis(value, range=ends), across=across, title=title)
         for across, title in (((0.0, 0.45), "as measured"), ((0.55, 1.0), "covariates taken out"))
     ]
     names = {each["campaign_id"]: each["name"] for each in document["campaigns"]}
@@ -135,7 +147,7 @@ def covariate_figure(document: Row, parameter: str, covariate: str) -> Figure:
     )
     if slope is not None:
         span = np.array([x.min(), x.max()])
-        line = row["baseline"]["mean"] + slope["slope"] * (span - slope["centre"])
+        line = scale * (row["baseline"]["mean"] + slope["slope"] * (span - slope["centre"]))
         marks.append(Curve(span, line, "baseline", UPDATED, "dash", hover=None))
     marks.append(Points(x, after, "taken out", UPDATED, panel=panels[1], **look))
     return Figure(title, marks, panels, height=380)

@@ -25,6 +25,7 @@ from service.figures.marks import (
     Panel,
     Points,
     counted,
+    mode_words,
     rows_axis,
     shortened,
     words,
@@ -55,7 +56,7 @@ def trend_figure(trend: Row) -> Figure:
         Panel(Axis("campaign performed (UTC)", "date"), Axis(title), up=(0.52, 1.0)),
         # one axis for both would put them in one place
         Panel(
-            Axis(_named(covariate)),
+            Axis(named_covariate(covariate)),
             Axis(title),
             up=(0.0, 0.36),
         ),
@@ -69,7 +70,7 @@ def trend_figure(trend: Row) -> Figure:
     return Figure(f"{where}: {trend['value']} over time", marks, panels, height=640)
 
 
-def _named(covariate: str) -> str:
+def named_covariate(covariate: str) -> str:
     """A condition or covariate with its unit."""
     if covariate in CLIMATE:
         return f"{CLIMATE[covariate].label.lower()} [{CLIMATE[covariate].unit}]"
@@ -169,16 +170,16 @@ def series_figure(document: Row, parameter: str) -> Figure:
         parameter: a watched one. One that has no values yet gives empty axes that say so.
     """
     row = next((each for each in document["parameters"] if each["name"] == parameter), None)
-    scale, unit = (1.0, None) if row is None else _shown_in(row)
+    scale, unit = (1.0, None) if row is None else shown_in(parameter, row["unit"])
+    named = mode_words(parameter)
     time = Axis("campaign performed (UTC)", "date")
-    values = Axis(parameter if unit is None else f"{parameter} [{unit}]")
+    values = Axis(named if unit is None else f"{named} [{unit}]")
     panels = [
         Panel(time, values, up=(0.42, 1.0)),
         Panel(time, Axis("control chart [sd]"), up=(0.0, 0.32)),
     ]
     where = (
-        f"{shortened(document['structure_name'])} – {shortened(document['monitor_name'])}:"
-        f" {parameter}"
+        f"{shortened(document['structure_name'])} – {shortened(document['monitor_name'])}: {named}"
     )
     if row is None:
         note = "; ".join(document["notes"]) or "no campaign has been judged yet"
@@ -191,11 +192,11 @@ def series_figure(document: Row, parameter: str) -> Figure:
     return Figure(f"{where} ({row['state']})", [*marks, *_alarms(alarms, row, scale)], panels)
 
 
-def _shown_in(row: Row) -> tuple[float, str | None]:
-    """Factor from SI and unit in which a parameter is drawn; no unit where it is not known."""
-    if row["name"].startswith(("damping_ratio_", "zeta")):
+def shown_in(parameter: str, unit: str | None) -> tuple[float, str | None]:
+    """Factor from SI and unit in which a parameter is shown; no unit where it is not known."""
+    if parameter.startswith(("damping_ratio_", "zeta")):
         return 100.0, "%"
-    return SHOWN.get(row["unit"], (1.0, row["unit"]))
+    return SHOWN.get(unit or "", (1.0, unit))
 
 
 def _times(points: Sequence[Row]) -> list[str]:

@@ -73,6 +73,7 @@ def get_comparison(
     rows = [row for row in name_jobs(visit, jobs, PARTS) if row.result is not None]
     sides = _sides(visit, rows, sets)
     known = [row.result for row in rows if row.result is not None]
+    label_of = {str(side.row.job.id): side.name for side in sides if side.row}
     return visit.show(
         "compare.html",
         sides=sides,
@@ -83,7 +84,10 @@ def get_comparison(
         units={p["name"]: p["unit"] for result in known for p in result["parameters"]},
         most_modes=max((len(result["modes"]) for result in known), default=0),
         by_frf=[each for each in CRITERIA.values() if each.axis == "FRF"],
-        over_time=over_time(rows, {side.campaign.id: side.campaign.performed_at for side in sides}),
+        over_time=[
+            {**row, "name": label_of[row["job"]]}
+            for row in over_time(rows, {s.campaign.id: s.campaign.performed_at for s in sides})
+        ],
         by_shape=_by_shape(visit, sides[:MOST_BY_SHAPE]),
         one_structure=len({side.campaign.structure_id for side in sides}) == 1,
     )

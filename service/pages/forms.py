@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from fecore.body.specimen import CONSTANTS
+from service.figures.marks import mode_words
 from service.nouns.campaigns.schemas import CampaignIn
 from service.nouns.coupons.schemas import CouponIn
 from service.nouns.instruments.routes import InstrumentIn
@@ -22,7 +23,7 @@ from service.pages.quantities import SENT, units_of_field
 from service.platform.web.typed import SHOWN_AS, in_words
 
 CHECKED_LIST = "choices"
-_SI = re.compile(r"^(?:kg/m³|kg|m|Pa)(?:[;,] |(?= along)|$)")
+_SI = re.compile(r"^(?:kg/m³|kg|m/m|m|Pa)(?:[;,] |(?= along)|$)")
 """The unit that REST has, at the beginning of what it says of a member; a field has its own."""
 OF_PARAMETER = ("prior_mean", "prior_sd")
 """Members in the unit of the parameter that their row names."""
@@ -266,7 +267,8 @@ def page_words(text: str | None) -> str:
 
     plain = _CALL.sub("this page", _PARENTHESIS.sub("", text or ""))
     named = _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain))
-    return minus(named.replace(" ;", ";").strip())
+    spaced = re.sub(r"(?<=\d)%", " %", mode_words(named).replace(" ;", ";"))
+    return minus(spaced.strip())
 
 
 def labelled(pointer: str) -> str:

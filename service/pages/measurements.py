@@ -12,8 +12,10 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.figures.measured import AXES
+from service.figures.trend import named_covariate
 from service.monitoring import routes as monitoring
 from service.nouns.campaigns import routes as campaigns
+from service.nouns.campaigns.climate import CLIMATE, stated
 from service.nouns.campaigns.operations import campaign_for, campaigns_of, frame_of, stored_points
 from service.nouns.campaigns.schemas import Boundary, CampaignOut
 from service.nouns.coupons import routes as coupons
@@ -88,6 +90,12 @@ def get_structure(
         newest=newest,
         over_time=over_time(list(newest.values()), {c.id: c.performed_at for c in listed.items}),
         parameters=_parameter_names(newest.values()),
+        covariates=[
+            (name, named_covariate(name))
+            for name in sorted(
+                {*CLIMATE, *(name for each in listed.items for name in stated(each))}
+            )
+        ],
         batches=coupons.batches.page(visit.session, visit.user, structure_id, limit=MOST).items,
         monitors=monitoring.nouns.page(
             visit.session, visit.user, structure_id, limit=MOST, deleted=False
@@ -412,7 +420,7 @@ def get_monitor(
         each["notes"] = [_with_names(note, named) for note in each["notes"]]
     rows = document["parameters"]
     calling = [row["name"] for row in rows if row["state"] in ("alarm", "pending")]
-    stated = stated_covariates(document)
+    known = stated_covariates(document)
     now = look_at_monitors(visit.session, {monitor_id}).get(monitor_id)
     return visit.show(
         "monitor.html",
@@ -424,8 +432,8 @@ def get_monitor(
         shown={"from": begin, "to": end},
         chosen=[row["name"] for row in rows if row["name"] in (show or calling)]
         or [row["name"] for row in rows[:1]],
-        covariates=sorted(stated),
-        over=over if over in stated else "",
+        covariates=sorted(known),
+        over=over if over in known else "",
         **_causes(
             visit,
             monitoring.list_alarms(

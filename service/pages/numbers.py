@@ -11,6 +11,7 @@ from typing import Any
 from fecore.quantities import SHOWN
 from modalbase.client.results import deviations, motion_words
 from service.figures.marks import counted
+from service.figures.trend import named_covariate, shown_in
 from service.nouns.campaigns.climate import ENDINGS
 from service.platform.web.quantities import UNITS
 
@@ -47,6 +48,18 @@ def number(value: float | None, digits: int = 4) -> str:
         return minus(f"{value:.{max(0, digits - 1 - size)}f}")
     text = f"{value:.{digits - 1}e}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
     return minus(text)
+
+
+def watched(value: float | None, name: str, unit: str | None, sd: float | None = None) -> str:
+    """A value that a monitor watches: damping ratios are in per cent."""
+    factor, shown = shown_in(name, unit)
+    scaled = [None if each is None else factor * each for each in (value, sd)]
+    return in_unit(scaled[0], shown or "", scaled[1])
+
+
+def unit_watched(unit: str | None, name: str) -> str:
+    """The unit of what `watched` gives."""
+    return (shown_in(name, unit)[1] or "").strip(NOTHING)
 
 
 def unit_of(unit: str) -> str:
@@ -143,9 +156,24 @@ def size(value: int) -> str:
     return f"{value:.3g} GB"
 
 
+_CALLED = {
+    "frfs": "FRFs",
+    "rayleigh": "Rayleigh",
+    "caughey3": "Caughey 3",
+    "caughey4": "Caughey 4",
+    "laplace": "Laplace",
+    "mcmc": "MCMC",
+}
+_NAMES = re.compile(rf"\b({'|'.join(_CALLED)})\b")
+
+
 def words(name: str) -> str:
-    """A name of the contract as words: `with_care` is "with care"."""
-    return name.replace("_", " ")
+    """A name of the contract as words.
+
+    >>> words("with_care"), words("more_frfs")
+    ('with care', 'more FRFs')
+    """
+    return _NAMES.sub(lambda m: _CALLED[m[1]], name.replace("_", " "))
 
 
 def leaves(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
@@ -217,6 +245,9 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "number": number,
     "unit_of": unit_of,
     "in_unit": in_unit,
+    "watched": watched,
+    "unit_watched": unit_watched,
+    "covariate": named_covariate,
     "spread": spread,
     "in_laboratory_units": in_laboratory_units,
     "percent": percent,

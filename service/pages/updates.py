@@ -170,16 +170,19 @@ def _choices(visit: Visit, within: Mapping[str, Any]) -> dict[str, list[tuple[st
     """What a recipe may name of a campaign and its structure: keys, and words of them."""
     session, user = visit.session, visit.user
     sets = modes.nouns.page(session, user, within["campaign"].id, limit=MOST).items
-    batches = coupons.batches.page(session, user, within["structure"].id, limit=MOST).items
     return {
         "mode_set": [
             (str(s.id), f"{s.name} ({s.origin}, {counted(len(s.modes), 'mode')})")
             for s in reversed(sets)
         ],
-        "prior_from_coupon_batch": [
-            (str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)
-        ],
+        "prior_from_coupon_batch": _batches(visit, within["structure"].id),
     }
+
+
+def _batches(visit: Visit, structure: UUID) -> list[tuple[str, str]]:
+    """Coupon batches of a structure, the newest first: key, and a name with what each gives."""
+    listed = coupons.batches.page(visit.session, visit.user, structure, limit=MOST).items
+    return [(str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(listed)]
 
 
 def _recipe(visit: Visit, within: Mapping[str, Any], recipe: RecipeIn) -> list[tuple[str, str]]:
@@ -399,11 +402,7 @@ def get_new_joint(
     sets: dict[UUID, list[tuple[UUID, str]]] = {c.id: [] for _, c in chosen}
     for row in mode_set_for.all(visit.session, campaign_id=sets):
         sets[row.campaign_id].append((row.id, f"{row.name} ({row.origin})"))
-    batches = [
-        b
-        for s in {s.id: s for s, _ in chosen}
-        for b in coupons.batches.page(visit.session, visit.user, s).items
-    ]
+    batches = [b for s in {s.id: s for s, _ in chosen} for b in _batches(visit, s)]
     parameters = next(f for f in fields_of(RecipeIn, {}) if f.name == "parameters")
     return visit.show(
         "new_joint.html",

@@ -209,7 +209,7 @@ def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
     assert highest_line(page) < 400
     with held(page, "**/data?format=npz") as waiting:
         # as earlier versions wrote it
-        page.goto(f"{page.url.split('?')[0]}?hz=160~40&shapes=2~4&s=*")
+        page.goto(f"{page.url.split('?')[0]}?hz=160~40&space-measured=2&space-model=4&s=*")
         until(lambda: highest_line(page) == 200, "the FRF zoomed by an old address")
         page.wait_for_selector("[data-space-said]:has-text('model mode 4')")
         page.locator("tr[data-zoom] a").nth(1).click()

@@ -65,7 +65,7 @@ def test_pages_show_what_is_there(
         "/ui/search?noun=structures&for=FRP": "1 structures",
         "/ui/search?noun=results&for=Ex < 30e9 AND tag = 'x'": "Nothing is found",
         "/ui/keys": "Begins with",
-        f"/ui/imports/{points['id']}": "0 FRFs, 1 grid point, 0 modes",
+        f"/ui/imports/{points['id']}": "1 grid point",
     }
     for path, words in places.items():
         answer = browser.get(path)
@@ -99,9 +99,9 @@ def test_a_page_shows_one_moment(
             201,
         )
         holding.rollback()
-        assert "No mode set yet" in pending.result().text
+        assert "No modes yet" in pending.result().text
     then = browser.get(path).text
-    assert "No mode set yet" not in then
+    assert "No modes yet" not in then
     assert "later" in then
 
 

@@ -199,7 +199,7 @@ def test_a_recording_becomes_modes_and_an_update(
 
     page = api.get(api.base_url.join(f"/ui/campaigns/{campaign}")).text
     assert f"campaigns/{campaign}/figures/spectra" in page
-    assert "Find modes" in page
+    assert "Identify modes" in page
 
     # an update takes frequencies, shapes and damping ratios, and says that no FRF was fitted
     started = api.post(f"campaigns/{campaign}/update-jobs", json={"seed": 1})

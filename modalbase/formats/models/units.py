@@ -243,7 +243,7 @@ def guess(model: FiniteElementModel) -> Guess | None:
     u = units_of(first)
     materials = "; ".join(
         f"{name} would be {known[first].get(name) or 'no usual material'} (E"
-        f" {modulus_of(material) * u.stress:.3g} Pa, density"
+        f" {modulus_of(material) * u.stress / 1e9:.3g} GPa, density"
         f" {material.constants.get('density', 0.0) * u.density:.4g} kg/m³)"
         for name, material in model.materials.items()
     )

@@ -17,7 +17,7 @@ POLICY = (
     "default-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; style-src"
     " 'self'; img-src 'self'"
 )
-STYLES = ("kit.css", "pages.css", "guide.css")
+LINKED = ("icon.svg", "kit.css", "pages.css", "guide.css")
 
 router = page_router()
 
@@ -71,7 +71,7 @@ def _html(name: str, request: Request, answer: Mapping[str, object] | None = Non
     html = whole_page(
         name,
         root_of(request.url.path),
-        tuple(address(style) for style in STYLES),
+        tuple(address(style) for style in LINKED),
         service=request.app.state.settings.pages,
         search=True,
         answer=answer,

@@ -72,9 +72,7 @@ document.addEventListener("keydown", (event) => {
   if (box !== undefined && keeps && !keeps.disabled && keeps.checked !== box) keeps.click();
 });
 
-/* What the address says, also as earlier versions wrote a pair; or the first. */
-const [oldMeasured, oldModel] = (shown.get("shapes") ?? "").split("~");
-if (oldModel) keep({ shapes: null, "space-measured": oldMeasured, "space-model": oldModel });
+/* What the address says, or the first. */
 function firstMode() {
   const number = shown.get("space-measured") ?? shown.get("mode") ?? modeRows()[0]?.dataset.mode;
   if (number !== undefined)

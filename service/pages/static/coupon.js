@@ -53,7 +53,7 @@ for (const form of document.querySelectorAll("form[data-raw-curve]")) {
       const input = form.elements[`columns/${series}/header`],
         found = [...left].find((name) => like.test(name));
       if (found) left.delete(found);
-      if (found && !input.value) input.value = found;
+      if (headers.length && !headers.includes(input.value)) input.value = found ?? "";
     }
     form.elements.specimen.value ||= file.name.replace(/\.[^.]*$/, "");
   });

@@ -114,7 +114,7 @@ function leaveOutFile(one) {
   one.row.remove();
   if (one.mapping && !looked.some(({ mapping }) => mapping === one.mapping)) one.mapping.remove();
 }
-const measuredOnes = () => looked.filter(({ facts }) => !facts.refused && !facts.model);
+const measuredOnes = () => looked.filter(({ facts }) => !facts.refused && !facts.model && !facts.only_points);
 /* What files state stands in the fields, and says where it is from. */
 function stateFacts() {
   const form = newForm();
@@ -125,7 +125,7 @@ function stateFacts() {
       fill(input, value);
       input.after(made("small", { className: "stated" }, `from ${facts.name}`));
     }
-  for (const { facts } of measuredOnes()) offerPoints(form, facts);
+  for (const { facts } of looked) offerPoints(form, facts);
   const model = looked.find(({ facts }) => facts.model && !facts.refused);
   const { deck, units } = form.elements;
   if (model && deck.files[0] !== model.file) {
@@ -198,7 +198,7 @@ function askMissing() {
   form.querySelector("[data-points]").hidden = points;
   form.elements.points.required = Boolean(files.length) && !points && thenUpdate(form);
   const missing = document.querySelectorAll(".asks :is(input, select, textarea):required:invalid");
-  const sent = looked.filter(({ facts }) => !facts.refused).length;
+  const sent = looked.filter(({ facts }) => !facts.refused && !facts.only_points).length;
   form.querySelector("[type=submit]").textContent =
     (files.length ? `Import ${sent} file${sent === 1 ? "" : "s"}` : "Store the test") +
     (looked.length && missing.length ? `: ${missing.length} missing` : "");

@@ -99,8 +99,10 @@ function seePart() {
     parts[0];
   parts.forEach((each, i) => {
     each.hidden = each !== part;
-    if (each === part) tabs[i].setAttribute("aria-current", "page");
-    else tabs[i].removeAttribute("aria-current");
+    if (each === part) {
+      tabs[i].setAttribute("aria-current", "page");
+      tabs[i].scrollIntoView({ block: "nearest", inline: "center" });
+    } else tabs[i].removeAttribute("aria-current");
   });
   const pane = named && named.closest(".pane");
   if (pane) seePane(pane);

@@ -305,6 +305,7 @@ async function renewFiles() {
     if (document.querySelector(`#import-${id} .state.succeeded`)) asked.remove();
   if (!stale || sending || leaving || uploaded.querySelector("[data-awaited]")) return;
   stale = false;
+  if (document.getElementById("files").hidden) return renew();
   const answer = await fetch(location.pathname);
   const next = new DOMParser().parseFromString(await answer.text(), "text/html");
   document.querySelector(".tabs").innerHTML = next.querySelector(".tabs").innerHTML;
@@ -353,6 +354,7 @@ document.addEventListener("click", async (event) => {
     location.assign(at("sign-in"));
   }
   if ("addRow" in button.dataset) addRow(button.closest("[data-rows]"));
+  if ("sameBelow" in button.dataset) sameBelow(button.closest(".one"));
   if ("dropRow" in button.dataset) {
     const rows = button.closest("[data-rows]");
     button.closest(".one").remove();
@@ -367,6 +369,16 @@ function addRow(rows, values = {}) {
     fill(row.querySelector(`[data-field="${name}"]`), value);
   number(rows);
   return row;
+}
+/* What a row says of its channel, for those below of the same quantity or of none yet; each has its own array and point. */
+function sameBelow(row) {
+  const at = (one, name) => one.querySelector(`[data-field=${name}]`);
+  const quantity = at(row, "quantity").value;
+  for (let next = row; (next = next.nextElementSibling)?.matches(".one"); ) {
+    if (!["", quantity].includes(at(next, "quantity").value)) continue;
+    for (const { dataset, value } of row.querySelectorAll("[data-field]"))
+      if (!/variable|point/.test(dataset.field)) at(next, dataset.field).value = value;
+  }
 }
 function number(rows) {
   [...rows.querySelectorAll(".one")].forEach((row, i) => {

@@ -36,6 +36,7 @@ MODELS = (*READERS, *MESHES)
 """Ends of names of files that hold a model; some of them may hold a measurement instead."""
 
 LARGE = 64_000_000  # bytes of a file that is not searched for grid points as a whole
+SMALL = 1_000_000  # the same of a table, which is read line by line
 _MEASURED = frozenset(suffix for row in FORMATS.values() for suffix in row.every_suffix)
 _BLANK = re.compile(r"\s+")
 _NO_NAME = ("", "none", "unknown")
@@ -61,6 +62,7 @@ class FileLook:
     is_model: bool = False  # whether it is a deck or a mesh
     states_units: bool = True  # whether its numbers need no unit to be stated
     points: tuple[PointsOffer, ...] = ()  # arrays that may be grid points
+    only_points: bool = False  # whether it holds nothing else
     reach_m: tuple[float, float] | None = None  # length and width that its grid points reach over
 
 
@@ -94,20 +96,23 @@ def look_at(path: Path, filename: str, kind: Kind | None) -> FileLook:
     looked = _gathered(read_upload(inputs, _Silence()))
     if looked.format == "uff":
         return _with_head(path, looked)
-    texts = texts_in(path, looked.format, limit_of(path))
+    texts, points = texts_in(path, looked.format, limit_of(path)), _points(path, looked)
+    if any(one.is_all_of(looked.variables) for one in points):
+        count = Counter({"grid points": len(points[0].labels)})
+        return replace(looked, kind=None, mapping={}, counts=count, points=points, only_points=True)
     return replace(
         looked,
         mapping=with_sensitivities(looked.mapping, texts),
         performed_at=performed_at(texts),
         instruments=instruments(texts),
-        points=_points(path, looked),
+        points=points,
     )
 
 
 def _points(path: Path, looked: FileLook) -> tuple[PointsOffer, ...]:
     """Arrays of a file that may be its grid points; none of one that is read part by part."""
     row = FORMATS[looked.format]
-    if not row.arrays or row.is_table or row.fixed_rate or path.stat().st_size > LARGE:
+    if not row.arrays or row.fixed_rate or path.stat().st_size > (SMALL if row.is_table else LARGE):
         return ()
     with warnings.catch_warnings(), suppress(FormatError):
         warnings.simplefilter("ignore")  # they are notes of the file already

@@ -30,6 +30,11 @@ class PointsOffer:
     millimetres: Mapping[str, float]  # of each unit that they may be in: one that is stated, or two
     reach: tuple[float, float]  # along x and across, as `reach_of` has it
 
+    def is_all_of(self, names: Iterable[str]) -> bool:
+        """Whether a file with arrays of these names holds nothing but the points."""
+        others = set(names) - set(self.array.split(", "))
+        return all(any(word in other.lower() for word in _LABELS) for other in others)
+
 
 def offers_of(variables: Variables, texts: Mapping[str, str], count: int) -> list[PointsOffer]:
     """The arrays of n x 3 coordinates, or of n x 4 numbers that begin with a label; and arrays x, y

@@ -494,8 +494,8 @@ def test_names_are_drawn_as_they_are() -> None:
     ("parameter", "label", "factor"),
     [
         ("a1", "a1 [µs]", 1e6),
-        ("frequency_2", "frequency_2 [Hz]", 1),
-        ("damping_ratio_2", "damping_ratio_2 [%]", 100),
+        ("frequency_2", "mode 2 frequency [Hz]", 1),
+        ("damping_ratio_2", "mode 2 damping ratio [%]", 100),
     ],
 )
 def test_axes_have_units(parameter: str, label: str, factor: float) -> None:
