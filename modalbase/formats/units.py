@@ -173,13 +173,23 @@ _RUN_TOGETHER = re.compile(
 )  # no power of milliseconds
 
 
+_RAISED = {"⁻¹": "-1", "⁻²": "-2", "⁻³": "-3", "⁻⁶": "-6"}
+_POWER_OF_TEN = re.compile(
+    r"[*x]?\s*(?:1e([+-]?\d+)|10\s*(?:\^|\*\*)?\s*([+-]\d+))(?![\d.])\s*[*·]?\s*(.*)", re.IGNORECASE
+)
+
+
 def plain(unit: str) -> str:
     """A unit without brackets around it, with one kind of micro sign and epsilon.
 
-    >>> plain("[με]"), plain("ms-2"), plain("mms-1")
-    ('µε', 'm/s2', 'mm/s')
+    >>> plain("[με]"), plain("ms-2"), plain("mms-1"), plain("1E-3 g/N"), plain("×10⁻⁶")
+    ('µε', 'm/s2', 'mm/s', '1e-3*g/N', '1e-6*1')
     """
-    bare = unit.strip().rstrip(".").translate(_ONE_SIGN).replace("⁻¹", "-1").replace("⁻²", "-2")
+    bare = unit.strip().rstrip(".").translate(_ONE_SIGN)
+    for raised, power in _RAISED.items():
+        bare = bare.replace(raised, power)
+    if scaled := _POWER_OF_TEN.fullmatch(bare):
+        bare = f"1e{scaled[1] or scaled[2]}*{scaled[3] or 1}"
     bare = _RUN_TOGETHER.sub(lambda match: f"{match[1]}m/s{match[2].replace('1', '')}", bare)
     if bare[:1] + bare[-1:] in ("[]", "()", "{}", "<>") and not {bare[0], bare[-1]} & set(
         bare[1:-1]

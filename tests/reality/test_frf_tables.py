@@ -284,12 +284,18 @@ def test_units_that_say_what_the_columns_are(tmp_path: Path, heading: str, table
 
 PAIRED = {"real": ["Re H2 (g/N)", "Re H3 (g/N)"], "imaginary": ["Im H2 (g/N)", "Im H3 (g/N)"]}
 ALIKE = r"/mapping/frf: has .*import what is alike by a mapping of its own"
+THREE = {
+    "real": ["Re 2 (1e-3 g/N)", "Re 3 (1e-3 g/N)"],
+    "imaginary": ["Im 2 (1e-3 g/N)", "Im 3 (1e-3 g/N)"],
+}
 COLUMNS = [  # headings of columns that hold H, with g/N where they say it, and what is proposed, or why not
     ("f (Hz);Re H2 (g/N);Re H3 (g/N);Im H3 (g/N);Im H2 (g/N)", "frriii", PAIRED),
     ("f (Hz);Re 2 (g/N);Im 2 (g/N);Re 3 (m/s²/N);Im 3 (m/s²/N)", "fririi", ALIKE),
     ("f (Hz);Re (g/N);Im (m/s/N)", "fri", ALIKE),
     ("f (Hz);Mag 2 (g/N);Phase 2 (deg);Mag 3 (g/N);Phase 3 (rad)", "fmpmp", ALIKE),
     ("f (Hz);Mag 2 (g/N);Phase 2 (deg);Mag 3 (dB re 1 g/N);Phase 3 (deg)", "fmpmp", ALIKE),
+    ("f (Hz);Re 2 (1e-3 g/N);Im 2 (1e-3 g/N);Coh 2;Re 3 (1e-3 g/N);Im 3 (1e-3 g/N);Coh 3", "frinrin", THREE),
+    ("f (Hz);log10 Mag (g/N);Phase (deg)", "fmp", "frf/scale: is empty, and 'log10 Mag .* names a logarithm"),
     ("f (Hz);Re (g/N);Im (g/N);f (Hz);Re (g/N);Im (g/N)", "frigri",
      r"f \(Hz\) 2: is 1 in row 1 of the data, and f \(Hz\) is 0.5; import the FRFs of each axis"),
 ]  # fmt: skip
@@ -301,11 +307,16 @@ def test_what_each_column_says_counts(
 ) -> None:
     path = tmp_path / "H.csv"
     parts = {"f": HZ, "g": 2 * HZ, "r": H.real, "i": H.imag, "m": np.abs(H), "p": np.angle(H)}
+    parts["n"] = np.full(HZ.size, 0.9)
     table = np.transpose([parts[column] for column in columns]).tolist()
     path.write_text("\n".join([heading, *(";".join(map(repr, row)) for row in table)]))
     (found,) = read(path)
     if isinstance(outcome, dict):
         assert found.mapping["frf"] == outcome
+        frfs = imported(path, response_point=[2, 3])
+        assert len(frfs) == 2
+        if "n" in columns:  # coherences beside them, and a power of ten in their unit
+            np.testing.assert_allclose(decode(frfs[1].spectrum), 1e-3 * GRAVITY * H, rtol=1e-6)
         return
     points = [2, 3] if isinstance(found.mapping["response_point"], list) else 2
     with pytest.raises(Invalid, match=outcome):

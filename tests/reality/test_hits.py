@@ -441,6 +441,13 @@ def test_samples_a_second_are_a_rate(tmp_path: Path, rate: str) -> None:
     require_same(*read(tmp_path, [rate, "Hammer (N);ACC (m/s²)", *table(PLAIN[1:], ";")]))
 
 
+def test_two_rates_of_columns_are_none_of_the_table(tmp_path: Path) -> None:
+    for second, proposed in (("2048", {"variable": "sample_rate_hz"}), ("1024", None)):
+        lines = [f"Sample rate;2048;{second}", "Hammer (N);ACC (g)", *table(PLAIN[1:], ";")]
+        _, found = read(tmp_path, lines)
+        assert found.mapping.get("sample_rate_hz") == proposed
+
+
 def test_a_gap_in_the_time_axis_is_named(tmp_path: Path) -> None:
     lines = table(PLAIN, ";")
     lines[9] = "NaN;0;0"

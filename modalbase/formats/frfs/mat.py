@@ -5,7 +5,7 @@ that says what is what.
                                                      "unit": "rad/s" where it is not in Hz
      "frf": {"variable": "H"},                        complex, or {"real": "Hr", "imaginary": "Hi"}, or magnitude and
                                                      phase, see `modalbase.formats.frfs.parts`
-     "coherence": {"variable": "coh"},                may be left out
+     "coherence": {"variable": "coh"},                may be left out; a list of columns, one for each FRF
      "response_point": 33, "response_direction": 3,
      "reference_point": {"variable": "points"},       one for each FRF, or one for all
      "reference_direction": 3,
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.frfs.parts import PARTS, combined, is_parts, unit_in_file
+from modalbase.formats.frfs.parts import PARTS, as_parts, combined, is_parts, unit_in_file
 from modalbase.formats.frfs.proposal import is_empty, propose_frfs
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.arrays import Variables, is_named, variable
@@ -89,7 +89,9 @@ def frfs_of(
         for name in ("frequency_hz", "frf", "response_point", "reference_point")
         if name not in document
     ]
-    empty = [name for name in ("frequency_hz", "frf", *DOFS) if is_empty(document.get(name, 3))]
+    given = {"frf": as_parts(document["frf"])} if "frf" in document else {}
+    members = ("frequency_hz", "frf", *DOFS)
+    empty = [name for name in members if is_empty((document | given).get(name, 3))]
     if missing or empty:
         faults = [(f"mapping.{name}", "is missing") for name in missing]
         raise FormatError(
@@ -98,11 +100,10 @@ def frfs_of(
     values, frequency = _spectra(variables, document, texts)
     coherence: FloatArray | None = None
     if document.get("coherence") is not None:
-        table = _rows(
-            np.asarray(_named(variables, document, "coherence"), dtype=float),
-            frequency.size,
-            "coherence",
-        )
+        named = document["coherence"]
+        if not (isinstance(named, dict) and set(named) == {"variable"}):
+            raise FormatError("mapping.coherence", f'is {named!r}, expected {{"variable": name}}')
+        table = _part(variables, named["variable"], frequency.size, "coherence").astype(float)
         if table.shape != values.shape:
             raise FormatError("mapping.coherence", f"has {len(table)} functions, frf {len(values)}")
         coherence = table
@@ -267,13 +268,6 @@ def _number(variables: Variables, given: Any, field: str) -> float:
     return float(values[0])
 
 
-def _named(variables: Variables, document: dict[str, Any], field: str) -> np.ndarray[Any, Any]:
-    given = document[field]
-    if not is_named(given):
-        raise FormatError(f"mapping.{field}", f'is {given!r}, expected {{"variable": name}}')
-    return _real(variables, given["variable"], field)
-
-
 def _real(variables: Variables, name: str, field: str) -> np.ndarray[Any, Any]:
     values = variable(variables, name)
     if values.dtype.kind == "c":
@@ -309,14 +303,16 @@ def _frf(
     return table if table.dtype == np.complex64 else table.astype(np.complex128)
 
 
-def _part(variables: Variables, given: Any, lines: int | None) -> np.ndarray[Any, Any]:
+def _part(
+    variables: Variables, given: Any, lines: int | None, field: str = "frf"
+) -> np.ndarray[Any, Any]:
     """(N, lines) of one array, or of one column for each FRF."""
     names = given if isinstance(given, list) else [given]
     if not names or not all(isinstance(name, str) for name in names):
         raise FormatError(
-            "mapping.frf", f"has {given!r}, expected the name of a variable or a list of names"
+            f"mapping.{field}", f"has {given!r}, expected the name of a variable or a list of names"
         )
-    return np.concatenate([_rows(_real(variables, name, "frf"), lines, "frf") for name in names])
+    return np.concatenate([_rows(_real(variables, name, field), lines, field) for name in names])
 
 
 def _rows(array: np.ndarray[Any, Any], lines: int | None, field: str) -> np.ndarray[Any, Any]:

@@ -42,6 +42,7 @@ _ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
     **dict.fromkeys(("deg", "°", "degree", "degrees", "grad", "gradi", "grados"), np.pi / 180),
 }
+_LOGARITHM = re.compile(r"(?<![^\W\d_])(?:log|lg)(?![a-z])(?! *(?:#|no|nr|\d+$))", re.IGNORECASE)
 _LARGEST_STEP = 1.01 * 2 * np.pi  # between the phases of neighbouring lines, rad
 _PAIR = re.compile(r"([\w.:+-]+)\s*/\s*([\w.:+-]+)")
 Texts = Mapping[str, str]
@@ -100,7 +101,8 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
                 for part, listed in zip(pair, columns, strict=True)
             }
             if pair[1] == "phase":
-                mapping["scale"] = "dB" if _stated_scale(columns[0][0], texts) == "dB" else "linear"
+                scale = _stated_scale(columns[0][0], texts)
+                mapping["scale"] = scale or (None if _LOGARITHM.search(columns[0][0]) else "linear")
                 mapping["phase_unit"] = _stated_angle(columns[1][0], texts)
             return mapping
     return None
@@ -194,6 +196,11 @@ def is_parts(given: Any) -> bool:
     )
 
 
+def as_parts(given: Any) -> Any:
+    """The columns that a mapping names, without how they are scaled."""
+    return {n: v for n, v in given.items() if n not in _HOW} if isinstance(given, dict) else given
+
+
 def combined(
     one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mapping[str, Any], texts: Texts
 ) -> Any:
@@ -208,6 +215,10 @@ def combined(
     own = _one_of_all(names_of(given), lambda name: _stated_scale(name, texts), str)
     if scale not in (None, "linear", "dB"):
         raise FormatError("mapping.frf.scale", f"is {scale!r}, expected linear or dB")
+    if not scale and not own and (log := [n for n in names_of(given) if _LOGARITHM.search(n)]):
+        raise FormatError(
+            "mapping.frf.scale", f"is empty, and {log[0]!r} names a logarithm; state linear or dB"
+        )
     if scale and own and scale != own:
         raise FormatError(
             "mapping.frf.scale", f"is {scale}, and the file says {own}; which is right?"
@@ -259,7 +270,8 @@ def _stated_scale(name: str, texts: Texts) -> str | None:
     """DB or linear, as the file states; None where it states neither."""
     if level_of(f"{name} {_text_beside(name, texts)}") is not None:
         return "dB"
-    return "linear" if _text_beside(name, texts) or unit_in_name(name)[1] else None
+    known = not _LOGARITHM.search(name) and (_text_beside(name, texts) or unit_in_name(name)[1])
+    return "linear" if known else None
 
 
 def _stated_angle(name: str, texts: Texts) -> str | None:

@@ -75,7 +75,8 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
         n for n in alike if frf and variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6
     ]
     if coherence := [n for n in alike if "coh" in n.lower()] or ratios:
-        mapping["coherence"] = {"variable": coherence[0]}
+        each = frf is None and len(coherence) > 1  # of a table, a column for each FRF
+        mapping["coherence"] = {"variable": coherence if each else coherence[0]}
     count = sum(variables[name].size // max(variables[name].shape) for name in valued) or 1
     return mapping | _dofs(texts, count)
 

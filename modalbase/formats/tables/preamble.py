@@ -85,17 +85,21 @@ def rate_of(preamble: Sequence[Row], separator: str) -> float | None:
         cells = row.cells
         if len(cells) == 1 or separator == " ":
             cells = re.split(r"[:=]\s*", " ".join(cells), maxsplit=1)
-        name, text = cells[0].strip(), " ".join(cells[1:2]).strip()
-        bare, unit = unit_in_name(name.rstrip(":= "))
-        match = re.match(r"([0-9.,eE+-]+)\s*(\S*)", text)
+        bare, in_name = unit_in_name(cells[0].strip().rstrip(":= "))
         is_step = _STEP.fullmatch(bare)
-        if match is None or not is_number(match[1]) or not (is_step or _RATE.fullmatch(bare)):
+        if not (is_step or _RATE.fullmatch(bare)):
             continue
-        unit = unit or match[2] or " ".join(cell for cell in cells[2:3] if not is_number(cell))
-        if not is_step and (per_second := _PER_SECOND.fullmatch(unit)):
-            unit = f"{per_second[1].lower()}Hz"
-        factor = factor_of("time" if is_step else "frequency", unit) if unit else 1.0
-        value = number_reader([match[1]], "," if "," in match[1] else ".", separator)[1](match[1])
-        if factor and value > 0:
-            rates.add(float(f"{1 / (value * factor) if is_step else value * factor:.9g}"))
+        behind = " ".join(cell for cell in cells[2:3] if not is_number(cell))
+        for text in [*cells[1:2], *filter(is_number, cells[2:])]:  # one, or one of each column
+            match = re.match(r"([0-9.,eE+-]+)\s*(\S*)", text.strip())
+            if match is None or not is_number(match[1]):
+                continue
+            unit = in_name or match[2] or behind
+            if not is_step and (per_second := _PER_SECOND.fullmatch(unit)):
+                unit = f"{per_second[1].lower()}Hz"
+            factor = factor_of("time" if is_step else "frequency", unit) if unit else 1.0
+            decimal = "," if "," in match[1] else "."
+            value = number_reader([match[1]], decimal, separator)[1](match[1])
+            if factor and value > 0:
+                rates.add(float(f"{1 / (value * factor) if is_step else value * factor:.9g}"))
     return rates.pop() if len(rates) == 1 else None
