@@ -81,6 +81,11 @@ def reduce(
             "a strain was lost before the maximum force; stresses after it are left out"
         )
     gamma, tau = gamma[known], tau[known]
+    across = run.transverse_strain[known]
+    if np.dot(tau - tau.mean(), across - across.mean()) > 0:
+        raise InputError(
+            "transverse_strain", "grows with the force, and is negative in tension: turn its sign"
+        )
     line = chord(gamma, chord_start, chord_start + CHORD_LENGTH, ends, field="shear_strain")
     if (
         not START_RANGE[0] <= line.start <= START_RANGE[1]

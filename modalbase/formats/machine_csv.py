@@ -227,7 +227,10 @@ def _layout(
         )
         raise FormatError(reason.place, reason.message + _headings("\n".join(lines)))
     if best[0] == 0:
-        raise FormatError("file", "has no line with a number in each of the wanted columns")
+        behind = best[1].rows[best[1].header_row + 1 :]
+        first = next((row for row in behind if any(row.cells)), None)
+        shown = "" if first is None else f"; line {first.line} has {', '.join(first.cells)[:80]!r}"
+        raise FormatError("file", f"has no line with a number in each of the wanted columns{shown}")
     return best[1]
 
 

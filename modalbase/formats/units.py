@@ -82,7 +82,7 @@ _NAMES: dict[Dimension, dict[str, float]] = {
     NUMBER: {"1": 1.0, "strain": 1.0, "%": 1e-2, "percent": 1e-2, "‰": 1e-3, "ppm": 1e-6, "mstrain": 1e-3,
              "µε": 1e-6, "ue": 1e-6, "µstrain": 1e-6, "ustrain": 1e-6, "microstrain": 1e-6},
     Dimension(mass=1): {"kg": 1.0},
-    FORCE: {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "daN": 10.0, "newton": 1.0, "newtons": 1.0,
+    FORCE: {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "daN": 10.0, "dyn": 1e-5, "newton": 1.0, "newtons": 1.0,
             "lbf": POUND_FORCE, "lb": POUND_FORCE, "lbs": POUND_FORCE, "kip": 1e3 * POUND_FORCE,
             "kips": 1e3 * POUND_FORCE, "klbf": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY, "kp": STANDARD_GRAVITY},
     FORCE.times(LENGTH): {"Nm": 1.0, "kNm": 1e3, "Nmm": 1e-3},
@@ -222,11 +222,14 @@ def factor_of(quantity: Measured, unit: str) -> float | None:
 
     >>> factor_of("force", "kN"), factor_of("strain", "µε"), factor_of("time", "kN")
     (1000.0, 1e-06, None)
-    >>> round(factor_of("frequency", "rad/s"), 4)
-    0.1592
+    >>> round(factor_of("frequency", "rad/s"), 4), factor_of("strain", "mV/V")  # a bridge's ratio
+    (0.1592, None)
     """
     read = read_unit(unit)
     if read is None or read.dimension != DIMENSIONS[quantity]:
+        return None
+    names = re.findall(r"[^\W\d_]+", plain(unit)) if quantity == "strain" else []
+    if any(part.dimension not in (LENGTH, NUMBER) for part in map(_atom, names) if part):
         return None
     turns = quantity == "frequency" and re.search(r"rad|deg|°", unit.lower())
     return read.factor / 6.283185307179586 if turns else read.factor

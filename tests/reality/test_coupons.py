@@ -294,6 +294,13 @@ DOUBTED = [
         {},
         "give E_Pa 6e.13 and .*is a unit or a dimension another",
     ),
+    (
+        "Load (N);Strain (mV/V)",
+        1.0,
+        2e3,
+        {},
+        "strain.unit: is stated neither by you nor|no unit of strain",
+    ),
     ("Load (N);Strain (%)", 1.0, 100.0, EXTENSION, "'%' is a strain, not an elongation; leave the"),
 ]
 
@@ -308,9 +315,11 @@ def test_what_cannot_be_is_asked_for(
         reduced(path, {"force": "Load", "strain": "Strain"}, dimensions or DIMENSIONS)
 
 
-def test_a_transverse_strain_of_the_wrong_sign_is_warned_of(tmp_path: Path) -> None:
+def test_a_transverse_strain_of_the_wrong_sign_is_named(tmp_path: Path) -> None:
     rows = (f"{f:.4f};{e:.7f};{0.3 * e:.7f}" for f, e in zip(FORCE, STRAIN, strict=True))
     path = curve(tmp_path / "a.csv", "Load (N);Axial (m/m);Lateral (m/m)", rows)
     columns = {"force": "Load", "strain": "Axial", "transverse_strain": "Lateral"}
     warnings = reduced(path, columns, DIMENSIONS).reduction["warnings"]
     assert any("Poisson's ratio is -0.300" in warning for warning in warnings)
+    with pytest.raises(InputError, match=r"grows with the force.*turn its sign"):
+        reduced(path, columns, DIMENSIONS, standard="D3518")

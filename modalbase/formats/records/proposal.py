@@ -179,9 +179,9 @@ def is_time(name: str, units: Mapping[str, str] | None = None) -> bool:
 
 def units_beside(names: Iterable[str], texts: Mapping[str, str]) -> dict[str, str]:
     r"""Units that texts of a file state of its arrays and their columns, which have a line each
-    where there are several. One that a whole structure has is not that of its time axis.
+    where there are several. One that a whole structure has is not that of its time axis or rate.
 
-    >>> units_beside(["Acc.t", "Acc.y column 1"], {"Acc.units": "m/s^2"})
+    >>> units_beside(["Acc.t", "Acc.fs", "Acc.y column 1"], {"Acc.units": "m/s^2"})
     {'Acc.y column 1': 'm/s^2'}
     >>> units_beside(["y column 1", "y column 2"], {"y_unit": "N\ng"})
     {'y column 1': 'N', 'y column 2': 'g'}
@@ -190,7 +190,12 @@ def units_beside(names: Iterable[str], texts: Mapping[str, str]) -> dict[str, st
     return {
         name: text
         for name, text in stated.items()
-        if text and not (is_time(name) and (unit := read_unit(text)) and unit.quantity in SI)
+        if text
+        and not (
+            (is_time(name) or rate_among([name]))
+            and (unit := read_unit(text))
+            and unit.quantity in SI
+        )
     }
 
 

@@ -164,6 +164,11 @@ def _quantity_and_factor(
     _note_exponents(raw, rotation, moment, notes)
     if whole and top.label is not None:
         factor, label = top.label.factor, f"'{top.text}'"
+        if bottom.label is not None and bottom.text.lower() not in top.text.lower():
+            notes.append(
+                f"its ordinate is in '{top.text}', and its denominator in '{bottom.text}': that of the"
+                " ordinate is used, as it is one of the whole ratio"
+            )
     else:
         factor, label = _ratio(top, bottom, response[quantity], below, units, notes)
     _note_factor(factor, label, top, bottom, units, notes)

@@ -85,6 +85,9 @@ TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
         [1e-3], "has the unknown unit label 'EU'; units of set 164 (USER_DEFINED) assumed"),
     "labels that contradict the units": (set_164(1000.0) + set_58(ONE, points=1), of_frf, [1.0],
         "contradict set 164, by which the factor is 0.001; the labels are used"),
+    "a ratio over another force": (
+        set_58(ONE, points=1, ordinate=axis(12, "m/s2/N"), denominator=axis(13, "kN")), of_frf, [1.0],
+        "its ordinate is in 'm/s2/N', and its denominator in 'kN'"),
     "exponents that do not fit": (set_58(ONE, points=1, ordinate=axis(12, "m/s2", (2, 0, 0))), of_frf, [1.0],
         "the unit exponents (2, 0, 0) of its ordinate do not fit its data type 12"),
     "decimal commas": (set_58(PLAIN.replace(".", ",")), of_frf, VALUES, ""),
