@@ -168,6 +168,11 @@ OF_MODES = {
         " fixed dof are turned if it is the sensor, one entry if it is the hit",
         subject="driving point {frf}",
     ),
+    "opposite_sign": remark(
+        "{frf}: its sign contradicts what the other fixed dofs see at the same point",
+        "correct the direction of the hit or sensor in this FRF",
+        "{frf}",
+    ),
     "driving_point_quantity": remark(
         "driving point {frf}: all resonances point the other way than its values below them, which"
         " {how}: {true} stated as {stated}, larger or smaller by ω²",

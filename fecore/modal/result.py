@@ -28,6 +28,7 @@ _WEAK = 0.1  # of the FRFs at its frequency, below which a mode is called weak
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 # of the lowest mode: where a driving point shows its asymptote, and lines that must be there
 _BELOW, _FEWEST_BELOW = (0.05, 0.25), 5
+_OPPOSITE = 0.8  # correlation below whose negative the residues of one FRF have the wrong sign
 _MOVED = 3.0  # standard deviations from which a frequency changes with the height of hits
 _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
 FREQUENCY_TOLERANCE = 0.01  # relative, between orders: the usual 1 % of stabilisation diagrams
@@ -290,6 +291,7 @@ def remarks(
             if two[k]
         ),
         *_driving_points(arrangement, fit, kept),
+        *_signs(arrangement, fit, kept),
         *_quantity_of_all(arrangement, fit, kept),
     ]
 
@@ -374,6 +376,29 @@ def _of_one_record(
         )
         for k in np.flatnonzero(size.max(axis=0) > 0.99 * size.sum(axis=0))
     ]
+
+
+def _signs(arrangement: Arrangement, fit: PoleFit, kept: IntArray) -> Iterator[Finding]:
+    """FRFs whose sign contradicts what the other fixed dofs see at the same roving dof.
+
+    A = ψ lᵀ for each mode, so A_ij is A_ij' l_j/l_j', l_j/l_j' the regression of the fixed dofs over
+    the other roving dofs. The sum over j' of this is taken: a wrong sign among three or more fixed
+    dofs names its FRF alone, among two both.
+    """
+    roving, fixed = arrangement.row.T
+    table = np.full((kept.size, len(arrangement.roving), len(arrangement.fixed)), 0j)
+    table[:, roving, fixed] = (fit.terms.poles.imag * fit.residues)[:, kept].T
+    if table.shape[1] < FEW or table.shape[2] < 2:
+        return
+    products = np.einsum("kij,kil->kijl", table, table.conj())
+    others = products.sum(axis=1, keepdims=True) - products  # over the other roving dofs
+    size = np.einsum("kijj->kij", others).real[:, :, None, :]
+    expected = others / np.maximum(size, np.finfo(float).tiny) * table[:, :, None, :]
+    expected = expected.sum(axis=3) - np.einsum("kijj->kij", expected)
+    agreed = np.sum((expected.conj() * table).real, axis=0)
+    most = np.linalg.norm(expected, axis=0) * np.linalg.norm(table, axis=0)
+    for row in np.flatnonzero((agreed < -_OPPOSITE * most)[roving, fixed]):
+        yield finding("opposite_sign", frf=arrangement.label(int(row)))
 
 
 def _driving_points(arrangement: Arrangement, fit: PoleFit, kept: IntArray) -> list[Finding]:

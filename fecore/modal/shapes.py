@@ -46,8 +46,8 @@ from fecore.modal.series import (
 )
 
 # second singular value of the residues over the first from which there are two modes
-_FAULTY = 0.1  # of the dofs that may be met with a wrong sign
 _SECOND_SHAPE = 0.1
+_FAULTY = 0.1  # of the dofs that may be met with a wrong sign
 # standard deviations that a driving-point residue must be above zero to normalise by it
 _SURE = 4.0
 _NEAR = 2.0  # half bandwidths of the pole within which both modes must lie

@@ -159,9 +159,15 @@ def test_a_small_mode_in_the_flank_of_another_stays_as_uncertain() -> None:
     assert 0.1 < modes.probability[2] < 0.9 < np.delete(modes.probability, 2).min()
 
 
-def test_the_wrong_sign_of_one_frf_is_no_second_shape() -> None:
-    draw = KINDS["aeroplane"](3)
-    values = draw.frfs.values.copy()
+def test_the_wrong_sign_of_one_frf_is_no_second_shape_and_is_named() -> None:
+    frfs = KINDS["aeroplane"](3).frfs.band(60, 120)
+    values = frfs.values.copy()
     values[7] *= -1
-    whole, wrong = (identify(f).modes for f in (draw.frfs, replace(draw.frfs, values=values)))
-    np.testing.assert_allclose(wrong.frequency_hz, whole.frequency_hz, rtol=1e-4)
+    whole, wrong = (identify(each) for each in (frfs, replace(frfs, values=values)))
+    np.testing.assert_allclose(wrong.modes.frequency_hz, whole.modes.frequency_hz, rtol=1e-4)
+    named = [
+        [n.subject for n in each.notes if n.kind == "opposite_sign"] for each in (whole, wrong)
+    ]
+    ends = frfs.responses[7].point, frfs.references[7].point
+    assert not named[0]
+    assert "{}Z/{}Z".format(*ends) in named[1]
