@@ -142,13 +142,18 @@ def get_new_update(
     visit: VisitDep,
     like: Annotated[UUID | None, Query(description="a job to repeat")] = None,
 ) -> HTMLResponse:
-    """The form of a recipe, made from its schema; filled in as another job's where one is named."""
+    """The form of a recipe, made from its schema; filled in as another job's where one is named,
+    else with the newest mode set where somebody edited that.
+    """
     context = visit.in_campaign(campaign_id)
     fields = fields_of(RecipeIn, _choices(visit, context))
     first = sorted(
         (f for f in fields if f.name in PRINCIPAL), key=lambda f: PRINCIPAL.index(f.name)
     )
+    sets = mode_set_for.all(visit.session, campaign_id=[campaign_id])
     start: dict[str, Any] = {}
+    if sets and "edited_from" in sets[-1].details:
+        start["mode_set"] = str(sets[-1].id)
     if like is not None:
         recipe = updating.single.one(visit.session, visit.user, like).recipe
         start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)

@@ -149,6 +149,8 @@ def test_a_recording_becomes_modes_and_an_update(
     }
     edited = posted(api, f"mode-sets/{modes['id']}/edits", {"name": "e", "decisions": [drop]})
     assert (edited["excitation"], len(edited["modes"])) == ("unmeasured", 5)
+    form = api.get(api.base_url.join(f"/ui/campaigns/{campaign}/update")).text
+    assert f'"mode_set": "{edited["id"]}"' in form
     ok(api.get(f"mode-sets/{edited['id']}/figures/mac", params={"mode_set": modes["id"]}))
     band = {"name": "low", "band_hz": [5, 60], "threshold": 0.5}
     low = job(api, f"campaigns/{campaign}/identifications", band)["result"]["modes"]

@@ -370,7 +370,8 @@ function addRow(rows, values = {}) {
   number(rows);
   return row;
 }
-/* What a row says of its channel, for those below of the same quantity or of none yet; each has its own array and point. */
+/* What is said of a channel, for those below of its quantity or of none yet; each has its own array
+   and point. */
 function sameBelow(row) {
   const at = (one, name) => one.querySelector(`[data-field=${name}]`);
   const quantity = at(row, "quantity").value;
