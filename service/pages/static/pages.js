@@ -370,8 +370,7 @@ function addRow(rows, values = {}) {
   number(rows);
   return row;
 }
-/* What is said of a channel, for those below of its quantity or of none yet; each has its own array
-   and point. */
+/* What is said of a channel but array and point, for those below of its quantity or of none. */
 function sameBelow(row) {
   const at = (one, name) => one.querySelector(`[data-field=${name}]`);
   const quantity = at(row, "quantity").value;
