@@ -194,10 +194,13 @@ def evidence_of(arrangement: Arrangement, fit: LinearFit, growth: Growth | None 
     is known.
     """
     terms = fit.terms
-    known = _known(arrangement, fit)
+    each = fit.linear.variance[:, : 2 * terms.pairs]
+    variance = np.maximum(each[:, 0::2] + each[:, 1::2], np.finfo(float).tiny)
+    known = _known(arrangement, terms, variance)
     residues = fit.residues * known
     rise = _rise(arrangement, fit)
-    height, share = _share(arrangement, fit, known)
+    clear = np.abs(fit.residues) ** 2 > CLEAR**2 * variance
+    height, share = _share(arrangement, fit, np.where(clear, 1.0, known))
     inside = arrangement.in_band(terms.frequency_hz)
     tone = inside & (terms.half_bandwidth_hz < _LASTS * arrangement.spacing_hz)
     tone |= inside & _of_one_line(arrangement, fit)
@@ -255,18 +258,16 @@ def _of_one_line(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
     return np.asarray(one)
 
 
-def _known(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
+def _known(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> FloatArray:
     """(N, n) what each FRF counts in the features of each pole: 1, less by the variance of its
-    residue where that is clearly larger than is usual, and 0 without a line about the pole.
+    residue, of (N, n), where that is clearly larger than is usual, and 0 without a line about
+    the pole.
     """
-    terms = fit.terms
     reach = np.maximum(NEAR * terms.half_bandwidth_hz, _LEAST_REACH * arrangement.spacing_hz)
     ends = np.clip(terms.frequency_hz, *arrangement.frequency_hz[[0, -1]])
     near = np.abs(arrangement.frequency_hz[:, None] - ends) <= reach
     seen = arrangement.measured.astype(float) @ near > 0
     seen |= ~seen.any(axis=0)
-    each = fit.linear.variance[:, : 2 * terms.pairs]
-    variance = np.maximum(each[:, 0::2] + each[:, 1::2], np.finfo(float).tiny)
     usual = row_medians(np.where(seen, variance, np.nan).T)
     return np.where(seen, np.minimum(1.0, CLEAR**2 * usual / variance), 0.0)
 
