@@ -95,7 +95,7 @@ def test_one_structure_in_all_units(units: str) -> None:
     assert offered is not None
     assert offered.units == units
     assert re.search(
-        r"METAL would be aluminium \(E 7e\+10 Pa, density 2700 kg/m³\)", offered.reason
+        r"METAL would be aluminium \(E 70 GPa, density 2700 kg/m³\)", offered.reason
     )
 
 

@@ -124,7 +124,7 @@ def test_an_open_deck_is_read_and_keeps_every_other_byte(name: str) -> None:
     offered = guess(model)
     assert offered is not None
     assert offered.units == "m-N-kg"
-    assert ", and GFRP would be fibre reinforced plastic (E 2.3e" in offered.reason
+    assert ", and GFRP would be fibre reinforced plastic (E 23 GPa" in offered.reason
     changed = write_deck(content, model, {("flange", "E1"): 2.5e10, ("web", "E1"): 2.5e10})[""]
     rest = [line for line in changed.split(b"\n") if not line.startswith(b"** updated")]
     assert [line.replace(b"2.5e+10", b"2.3e+10") for line in rest] == content.split(b"\n")
