@@ -94,9 +94,7 @@ def test_one_structure_in_all_units(units: str) -> None:
     offered = guess(read_inp(deck(units).encode()))
     assert offered is not None
     assert offered.units == units
-    assert re.search(
-        r"METAL would be aluminium \(E 70 GPa, density 2700 kg/m³\)", offered.reason
-    )
+    assert re.search(r"METAL would be aluminium \(E 70 GPa, density 2700 kg/m³\)", offered.reason)
 
 
 def test_offsets_of_shells() -> None:
