@@ -85,6 +85,11 @@ def _following(
     return (Parameter(first), *tied)
 
 
+_OF_PLIES = (*(p.name for p in PLY_PARAMETERS), "nu12")
+# what is updated by the name of a modulus, and the constants that say so
+_OF_KIND = {"E1": (of_plies, _OF_PLIES), "E": (of_beams, ("E", "G"))}
+
+
 def with_followers(
     parameters: Sequence[Parameter], nominal: Mapping[str, float]
 ) -> tuple[Parameter, ...]:
@@ -120,12 +125,6 @@ def with_followers(
     return (*parameters, *followers)
 
 
-# what is updated by the name of a modulus, and the constants that say so
-_OF_KIND = {
-    "E1": (of_plies, ("E1", "E2", "nu12", "G12", "G13", "G23")),
-    "E": (of_beams, ("E", "G")),
-}
-
 COMMON_SD, OWN_SD = 0.30, 0.15
 """Relative prior of a material, and scatter of the sets that are made of it."""
 
@@ -154,7 +153,7 @@ def common_priors(materials: Mapping[str, object]) -> tuple[CommonPrior, ...]:
         CommonPrior(tuple(f"{name}.{constant}" for name in names))
         for names in sets.values()
         if len(names) > 1
-        for constant in ("E1", "E2", "G12", "G13", "G23", "nu12")
+        for constant in _OF_PLIES
     )
 
 

@@ -201,6 +201,13 @@ def row_medians(rows: FloatArray) -> FloatArray:
     return np.asarray(np.where(count > 0, low / 2 + high / 2, np.nan))
 
 
+def counted(variance: FloatArray, usual: FloatArray | float) -> FloatArray:
+    """What a value counts by its variance: 1, and less by the ratio where that is clearly larger
+    than is usual.
+    """
+    return np.asarray(np.minimum(1.0, CLEAR**2 * usual / variance))
+
+
 def pair_label(response: Dof, reference: Dof) -> str:
     """Name of an FRF as laboratories write it, response first: `33Z/1Z`; of a half spectrum of
     several setups `33Z/1Z of setup 2`.

@@ -51,7 +51,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from fecore.modal.arrangement import CLEAR, FEW, Arrangement, row_medians
+from fecore.modal.arrangement import CLEAR, FEW, Arrangement, counted, row_medians
 from fecore.modal.series import NEAR, Terms
 
 if TYPE_CHECKING:
@@ -269,7 +269,7 @@ def _known(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Floa
     seen = arrangement.measured.astype(float) @ near > 0
     seen |= ~seen.any(axis=0)
     usual = row_medians(np.where(seen, variance, np.nan).T)
-    return np.where(seen, np.minimum(1.0, CLEAR**2 * usual / variance), 0.0)
+    return np.where(seen, counted(variance, usual), 0.0)
 
 
 def _share(

@@ -40,6 +40,7 @@ from fecore.modal.arrangement import (
     QUANTITIES,
     Arrangement,
     arrange,
+    counted,
     other_quantities,
     row_medians,
 )
@@ -454,7 +455,7 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:
     a jump of many FRFs that the lines two further on nearly have is a mode's.
     """
     level = np.median(_line_scatter(arrangement), axis=1, keepdims=True)
-    values = arrangement.values * np.sqrt(np.minimum(1.0, CLEAR**2 * np.median(level) / level))
+    values = arrangement.values * np.sqrt(counted(level, float(np.median(level))))
     power = np.sum(np.abs(values) ** 2, axis=0)
     jumps = values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2
     jump = np.sum(np.abs(jumps) ** 2, axis=0)

@@ -144,9 +144,9 @@ def update_from_several_starts(
         # 3. Partners held, and constants exchanged.
         to_fix = _to_fix([*outcomes, *searched], layout)
         searched += [run(search_layout, start, 0.8, 0.8, partners) for partners, start in to_fix]
-        if not layout.by_shapes and (results := _ranked([*outcomes, *searched])):
-            elsewhere = with_constants_exchanged(results[0], search_layout)
         known = _ranked([*outcomes, *searched])
+        if known and not layout.by_shapes:
+            elsewhere = with_constants_exchanged(known[0], search_layout)
         ends = _ranked([run(search_layout, start, 0.8, 0.8) for start in elsewhere])
         searched += [end for end in ends if not any(are_one(end, other) for other in known)]
         # 4. The best on a verified basis.

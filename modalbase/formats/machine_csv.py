@@ -106,12 +106,13 @@ class _Columns:
     delimiter: str
     rows: list[Row]  # of all lines, blank ones without cells
     header_row: int  # -1 where there is none
+    header_cells: list[str]  # of that line, whole where a separator stands in brackets
     places: dict[str, int]
 
     def header(self, name: str) -> str:
         """The header of a column; "" where there is none."""
-        cells, place = self.cells(self.header_row), self.places[name]
-        return cells[place] if place < len(cells) else ""
+        place = self.places[name]
+        return self.header_cells[place] if place < len(self.header_cells) else ""
 
     def cells(self, index: int) -> list[str]:
         """Of a line; none beyond the ends of the file."""
@@ -255,7 +256,8 @@ def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]
     named = {name: c for name, c in columns.items() if isinstance(c.header, str)}
     if not named:
         stated = {name: numbered[name] for name in columns}
-        return _Columns(delimiter, rows, _heading_above(rows, stated, columns), stated)
+        above = _heading_above(rows, stated, columns)
+        return _Columns(delimiter, rows, above, rows[above].cells if above >= 0 else [], stated)
     nearest: set[str] = {str(c.header) for c in named.values()}
     for i, row in enumerate(rows):
         cells = joined_brackets(row, delimiter).cells
@@ -271,9 +273,8 @@ def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]
                     f"columns.{name}",
                     f"{header!r} is in line {i + 1} twice; give the column's number",
                 )
-        rows[i] = Row(row.line, cells)
         positions = {**numbered, **{name: at[0] for name, at in places.items()}}
-        return _Columns(delimiter, rows, i, {name: positions[name] for name in columns})
+        return _Columns(delimiter, rows, i, cells, {name: positions[name] for name in columns})
     raise FormatError("columns", f"no line has the header {', '.join(sorted(nearest))}")
 
 
@@ -428,7 +429,7 @@ def _blocks(layout: _Columns, columns: Mapping[str, Column], notes: list[str]) -
         if not any(row.cells):
             continue
         if _holds_data(row, current.places, columns):
-            width = len(current.cells(current.header_row))
+            width = len(current.header_cells)
             if 0 < width < row.width:
                 raise FormatError(
                     f"line {i + 1}",
@@ -463,15 +464,14 @@ def _is_wordy(row: Row, places: Mapping[str, int]) -> bool:
 
 def _header_again(layout: _Columns, index: int, columns: Mapping[str, Column]) -> _Columns | None:
     """The columns where a line is the header again, maybe in another order; None where it is none."""
-    row = joined_brackets(layout.rows[index], layout.delimiter)
+    cells = joined_brackets(layout.rows[index], layout.delimiter).cells
     named = {name: c for name, c in columns.items() if isinstance(c.header, str)}
-    places_of = {name: _places_of(row.cells, column) for name, column in named.items()}
-    is_same = layout.header_row >= 0 and row.cells == layout.cells(layout.header_row)
+    places_of = {name: _places_of(cells, column) for name, column in named.items()}
+    is_same = layout.header_row >= 0 and cells == layout.header_cells
     if not is_same and not (named and all(len(at) == 1 for at in places_of.values())):
         return None
-    layout.rows[index] = Row(row.line, row.cells)
     places = layout.places if is_same else layout.places | {n: at[0] for n, at in places_of.items()}
-    return replace(layout, header_row=index, places=places)
+    return replace(layout, header_row=index, header_cells=cells, places=places)
 
 
 def _column_cells(row: Row, places: Mapping[str, int], columns: Mapping[str, Column]) -> list[str]:
