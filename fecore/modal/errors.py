@@ -30,7 +30,7 @@ Weak tests err more by other causes, so without such a fall the fit's own freque
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,27 +74,32 @@ class ErrorModel:
     leverage: FloatArray | None = None
 
 
-def error_model(
+def with_errors(
     arrangement: Arrangement,
     fit: PoleFit,
     shared: FloatArray,
     change: FloatArray,
     growth: Growth | None,
-) -> ErrorModel:
-    """What is known of the errors of a fit: from its residual, its tests, what all FRFs share, the
-    change under other weights, and what harder hits change.
+) -> PoleFit:
+    """The fit with its errors: from its residual, its tests, what all FRFs share, the change under
+    other weights, and what harder hits change. It states the mean over tests where these know it.
     """
     information = _by_test(arrangement, fit.by_frf)
     whole = np.maximum(information.sum(axis=0), np.finfo(float).tiny)
-    return ErrorModel(
+    mean = mean_over_tests(arrangement, fit, information)
+    errors = ErrorModel(
         memory=fit.residual_memory,
         sessions=arrangement.session,
         shared=shared,
         change=change,
         shift=None if growth is None else growth.shift,
-        mean=mean_over_tests(arrangement, fit, information),
+        mean=mean,
         leverage=information / whole,
     )
+    if mean is None:
+        return replace(fit, errors=errors)
+    move = np.concatenate([mean.move, np.zeros(fit.terms.pairs)])
+    return replace(fit, errors=errors, terms=fit.terms.moved(move))
 
 
 def widened(

@@ -16,7 +16,7 @@ from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement, arrange, clusters, linear_estimates, octaves
-from fecore.modal.errors import error_model
+from fecore.modal.errors import with_errors
 from fecore.modal.findings import finding, not_used
 from fecore.modal.judge import REFUSED, evidence_of, judge, no_mode_message
 from fecore.modal.prepare import noise_of, prepare
@@ -224,7 +224,7 @@ def identify(
             fit.terms.damping_ratio - start.damping_ratio,
         ]
     )
-    fit = fit.with_errors(error_model(arrangement, fit, shared, change, growth))
+    fit = with_errors(arrangement, fit, shared, change, growth)
     fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
     significance = fit.gains / (fit.pole_price * fit.memory)
     # 12. Separate.

@@ -277,13 +277,6 @@ class PoleFit(LinearFit):
     by_frf: FloatArray  # (N, parameters) what each FRF adds to the diagonal of H
     errors: ErrorModel | None = None  # what is known of them, beside their variance
 
-    def with_errors(self, errors: ErrorModel) -> PoleFit:
-        """The fit with its errors, stating the mean over tests where these know it."""
-        if errors.mean is None:
-            return replace(self, errors=errors)
-        move = np.concatenate([errors.mean.move, np.zeros(self.terms.pairs)])
-        return replace(self, errors=errors, terms=self.terms.moved(move))
-
     @property
     def memory(self) -> float:
         """Number of lines that count as one independent line."""
