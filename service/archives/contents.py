@@ -165,7 +165,7 @@ def _write_attachments(
     of_campaigns = [row.id for row in campaigns]
     updates = [key for one in of_campaigns for key, _, _ in labelled_results(session, one)]
     its = joint_update_for.all(session, project_id=project_ids)
-    updates += [row.id for row in its if row.request is not None]
+    updates += [row.id for row in its if row.joint]
     rows = [
         *beside_projects(session, project_ids),
         *attached_to(session, structure_id=structures),

@@ -77,7 +77,7 @@ def _payer(session: Session, row: Attachment) -> tuple[Lookup[Any], Any]:
     """Whose bytes they are: what takes them along when it is purged."""
     if row.update_job_id is not None:
         row_of = update_job_for.row(session, row.update_job_id)
-        if row_of.request is not None:
+        if row_of.joint:
             return joint_update_for, row_of
         return campaign_for, campaign_of(session, row_of.campaign_id)
     if row.campaign_id is not None:
@@ -125,9 +125,7 @@ def attachment_for(
     if row is None:
         raise NotFound("attachment", key)
     beside = next((name for name in OWNERS if getattr(row, name) is not None), "project_id")
-    if (of := row.update_job_id) is not None and update_job_for.row(
-        session, of
-    ).request is not None:
+    if (of := row.update_job_id) is not None and update_job_for.row(session, of).joint:
         beside = "joint_id"
     return OF[beside], OF[beside](session, user, key, role)
 

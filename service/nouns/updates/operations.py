@@ -155,7 +155,7 @@ def label_result(session: Session, user: User, row: UpdateJob, labels: Labels) -
 
 
 def _result(session: Session, row: UpdateJob) -> UpdateResult:
-    find = update_job_for if row.request is None else joint_update_for
+    find = joint_update_for if row.joint else update_job_for
     return require_result(session, find, row, session.get(UpdateResult, row.id))
 
 

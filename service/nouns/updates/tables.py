@@ -35,6 +35,11 @@ class UpdateJob(Base):
     request: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     campaigns: Mapped[list[Any]]  # `campaign_id` and `structure_version_id` of each
 
+    @property
+    def joint(self) -> bool:
+        """Whether it is of several campaigns together."""
+        return self.request is not None
+
 
 class UpdateResult(Labelled, Base):
     """The result of a job, as the contract shows it, and its predicted FRFs as npz, which is empty

@@ -77,7 +77,7 @@ def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> N
             )
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
-        if row.request is not None:
+        if row.joint:
             book(session, joint_update_for, row, "results", size)
         else:
             book(session, campaign_for, campaign_of(session, row.campaign_id), "results", size)
