@@ -175,7 +175,11 @@ class FrfSet:
             raise InputError("band_hz", f"no frequency line lies in {low_hz:g} to {high_hz:g} Hz")
         return self._lines(keep)
 
-    def _lines(self, keep: BoolArray) -> FrfSet:
+    def on_every(self, step: int) -> FrfSet:
+        """The same FRFs on one line of every so many."""
+        return self._lines(slice(None, None, step))
+
+    def _lines(self, keep: BoolArray | slice) -> FrfSet:
         return replace(
             self,
             frequency_hz=self.frequency_hz[keep],

@@ -12,7 +12,7 @@ estimate, all of its posterior the intervals.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from fecore.least_squares import nearest
 from fecore.modal.prepare import line_scatter
 from fecore.modal.series import memory
 from fecore.updating.damping_data import DampingData
-from fecore.updating.elastic import settled
+from fecore.updating.elastic import Unsettled, settled
 from fecore.updating.forward import ForwardState
 from fecore.updating.frf_fits import DampingFit, fit_law
 from fecore.updating.inputs import Inputs, SystematicEffect
@@ -48,6 +48,7 @@ _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
 # difference of negative log posteriors below which a second optimum is worth a warning
 _RIVAL = 10.0
 _SPREAD_OF_STARTS = 5.0  # factor between the starts
+_LINES_OF_PEAK = 4.0  # of the narrowest resonance that show where a start leads
 _FEWEST_LINES = 32  # of which the noise of the lines can be seen beside what lasts over a resonance
 # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
 _LARGE_TURN = 0.02
@@ -165,6 +166,13 @@ class ReferenceFit:
     ratios: MeasuredRatios  # damping ratios as measured where they were, else from the modal fit
     delay: float  # between the channels, as the FRFs show it, s
 
+    @property
+    def line_step(self) -> int:
+        """Of every so many lines one is enough to show all resonances."""
+        spacing = np.median(np.diff(self.misfit.frfs.frequency_hz, append=np.inf))
+        width = np.min(self.ratios.ratio * self.ratios.omega) / np.pi
+        return max(1, int(width / spacing / _LINES_OF_PEAK))
+
 
 def fit_reference(data: DampingData) -> ReferenceFit:
     """Find the noise and the channels' delay, and fit every measured mode by itself.
@@ -251,7 +259,8 @@ def fit_damping(
     2. How far damping ratios are off the law is learnt from the measured ones: the scale s of their
        deviations.
     3. The law is fitted to all FRFs and modes together from each start: the law of the measured
-       ratios, it five times as large and as small, and each coefficient alone.
+       ratios, it five times as large and as small, and each coefficient alone. Where they lead
+       shows on a few lines of each resonance; from each different end the fit goes on with all.
     4. The best fit is the estimate; other points that starts came to stand beside it where the
        data do not refute them.
     5. Errors of stage 1 move the estimate by ∂a/∂θ, and so do a window that nobody stated and the
@@ -290,21 +299,22 @@ def fit_damping(
     # 3. Fits from all starts.
     starts = _starts(law, start, ratios)
     nuisance = data.nuisance(spread, reference.variance_inflation)
-    outcomes = []
+    step, misfit, ends = reference.line_step, reference.misfit, list[DampingFit | Unsettled]()
+    few = misfit.on_every(step)
     for done, first in enumerate(starts):
         progress(done / len(starts))
-        outcomes.append(fit_law(reference.misfit, law, first, nuisance, reference.scale))
+        ends.append(fit_law(few, law, first, nuisance, reference.scale / step))
+    fits = _best_first(
+        [
+            fit_law(misfit, law, end, nuisance, reference.scale)
+            for end in _different(_best_first(ends))
+        ]
+    )
     # 4. The best, and other optima.
-    fits = [each for each in outcomes if isinstance(each, DampingFit)]
-    fits.sort(key=lambda fit: fit.objective)
-    best = fits[0] if fits else settled(outcomes[-1])
-    rivals = [
-        fit.coefficients
-        for fit in fits
-        if fit.objective - best.objective < _RIVAL * reference.scale
-    ]
+    best = fits[0]
+    rivals = [fit for fit in fits if fit.objective - best.objective < _RIVAL * reference.scale]
     # 5. What moves the estimate.
-    elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
+    elastic, by_elastic = data.elastic, _by_elastic(data, misfit, best)
     by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
     window_sd = data.window_sd()
     effects = elastic.all_systematic_effects
@@ -320,7 +330,7 @@ def fit_damping(
         fit=best,
         start=start,
         starts=len(starts),
-        optima=_different(rivals, _SAME_TO_NOISE * np.sqrt(np.diag(best.noise_covariance))),
+        optima=tuple(fit.coefficients for fit in _different(rivals)),
         reference=reference,
         own={
             **_own_sources(data, best, spread),
@@ -463,18 +473,30 @@ def _by_rates(fit: DampingFit, rate: FloatArray) -> FloatArray:
     return moved
 
 
-def _different(points: list[FloatArray], apart: FloatArray) -> tuple[FloatArray, ...]:
-    """Points that lie further from all before them than the fit resolves: than round-off, or than
-    (p,) `apart`.
+def _best_first(outcomes: Sequence[DampingFit | Unsettled]) -> list[DampingFit]:
+    """The fits among what starts ended with.
+
+    Raises:
+        UpdatingError: there is none.
     """
-    kept: list[FloatArray] = []
-    for point in points:
+    fits = [each for each in outcomes if isinstance(each, DampingFit)] or [settled(outcomes[-1])]
+    return sorted(fits, key=lambda fit: fit.objective)
+
+
+def _different(fits: Sequence[DampingFit]) -> list[DampingFit]:
+    """Fits that lie further from all before them than round-off, and than the noise of the first
+    resolves.
+    """
+    apart = _SAME_TO_NOISE * np.sqrt(np.diag(fits[0].noise_covariance))
+    kept: list[DampingFit] = []
+    for fit in fits:
+        point, others = fit.coefficients, [each.coefficients for each in kept]
         if all(
             np.any(np.abs(point - other) > np.maximum(_SAME_OPTIMUM * np.abs(other), apart))
-            for other in kept
+            for other in others
         ):
-            kept.append(point)
-    return tuple(kept)
+            kept.append(fit)
+    return kept
 
 
 _USUAL = (2.0, 5.0)  # 1/τ of usual windows, over the record's length

@@ -399,7 +399,7 @@ def fit_law(
         The fit; or why there is none, with the best iterate.
     """
     problem = LawProblem(misfit, law, nuisance, scale)
-    history: list[FloatArray] = []
+    history = [] if isinstance(start, np.ndarray) else [*start.history[:-1]]
 
     def visit(_: int, point: LawPoint) -> None:
         if not history or point.coefficients is not history[-1]:

@@ -93,6 +93,10 @@ class FrfMisfit:
             self.frfs.frequency_hz, rate, self.frfs.quantity
         )
 
+    def on_every(self, step: int) -> FrfMisfit:
+        """The same misfit of one line of every so many."""
+        return replace(self, frfs=self.frfs.on_every(step), variance=self.variance[:, ::step])
+
     @property
     def counted(self) -> BoolArray:
         """(N, L) where a value was measured: the others have no weight."""
