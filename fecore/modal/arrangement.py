@@ -65,6 +65,7 @@ _GAP = 10  # lines that may be missing in one place of a band that is divided
 _BEYOND = 0.18  # of its ends by which an octave's window goes on beyond them
 # of an end by which it is moved to where FRFs are smallest, and lines over which that is seen
 _VALLEY, _SMOOTH = 0.1, 9
+_LARGE = 0.95  # quantile of the values that are large
 WIDE, NARROW, SHORT = 220, 75, 30  # lines of the windows
 # of each window
 ORDERS: dict[int, tuple[int, ...]] = {
@@ -113,6 +114,16 @@ class Arrangement:
     def omega(self) -> FloatArray:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
+
+    @cached_property
+    def squares(self) -> FloatArray:
+        """(N, L) |H|²."""
+        return np.asarray(self.values.real**2 + self.values.imag**2)
+
+    @cached_property
+    def large(self) -> IntArray:
+        """Places of the largest twentieth of the values, all FRFs one after the other."""
+        return np.flatnonzero(self.squares >= np.quantile(self.squares, _LARGE))
 
     @cached_property
     def session(self) -> IntArray:

@@ -72,7 +72,7 @@ _WORTH = 30.0  # times its price that a pole gains which may stay all the same
 # 1.6 of a spring's force y³, where hits count by their power)
 _OF_HEIGHT = 2.0
 _LOCAL = 25  # lines over which the misfit is averaged
-_LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
+_MOST_RELATIVE = 0.05  # largest ε
 _FREEDOM = 8.0  # of Student's law
 
 OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
@@ -208,9 +208,9 @@ def local_variance(
         alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l,
             where few values are missing.
     """
-    values, measured = arrangement.values, arrangement.measured
-    size, square = (each.real**2 + each.imag**2 for each in (values, residual))
-    least = _relative(square, size, one_minus_leverage) * size
+    measured, size = arrangement.measured, arrangement.squares
+    square = residual.real**2 + residual.imag**2
+    least = _relative(square, size * one_minus_leverage, arrangement.large) * size
     square = scipy.ndimage.uniform_filter1d(
         np.where(measured, square, 0.0), _LOCAL, axis=1, mode="nearest"
     )
@@ -228,12 +228,9 @@ def local_variance(
     return np.asarray(np.exp(level) * shape)
 
 
-def _relative(
-    square: FloatArray, size: FloatArray, one_minus_leverage: FloatArray | float
-) -> float:
-    """ε², the usual |residual|² over |H|² of the largest twentieth of these, at most 0.05²."""
-    large = size >= np.quantile(size, _LARGE)
-    share = square[large] / np.maximum((size * one_minus_leverage)[large], np.finfo(float).tiny)
+def _relative(square: FloatArray, size: FloatArray, large: IntArray) -> float:
+    """ε², the usual |residual|² over |H|² of the largest of these, at most 0.05²."""
+    share = square.ravel()[large] / np.maximum(size.ravel()[large], np.finfo(float).tiny)
     return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
 
 

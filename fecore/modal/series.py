@@ -42,9 +42,9 @@ _TURNS = 30  # in which the bounds of a step are found
 # eigenvalue of the scaled information below which a direction is null: a large variance, not
 # infinity
 VAGUE = 1e-10
-# singular value of scaled columns over the largest from which their products keep 1e-8, and from
+# singular value of scaled columns over the largest from which their products keep 1e-6, and from
 # which those of the columns that these make nearly orthonormal keep all
-_WELL_CONDITIONED, _TWICE = 1e-4, 1e-7
+_WELL_CONDITIONED, _TWICE = 1e-5, 1e-7
 
 PRICE = 2.0
 """Of an unknown (Akaike)."""
@@ -359,14 +359,6 @@ def whitening(scaled: FloatArray) -> FloatArray:
     return turn if condition >= _WELL_CONDITIONED else turn @ whitening(scaled @ turn)
 
 
-def orthonormal(basis: ComplexArray, root: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """The basis made orthonormal under the square of a weight (L,), as (L, r), and (q, r) what makes
-    it so; null directions are left out.
-    """
-    turn = whitening(stacked(basis, root))
-    return expanded(turn.T, basis).T, turn
-
-
 def stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
     """(2L, q) real and imaginary parts of columns in turn, weighted by (L,)."""
     rows = np.ascontiguousarray(basis.T).view(np.float64) * np.repeat(root, 2)
@@ -531,10 +523,12 @@ def one_minus_leverage(
     the poles, which N FRFs share, add an N-th of what the derivatives add to the frame.
     """
     pairs = linear.basis[:, : 2 * terms.pairs]
-    steep = derivatives(arrangement.omega, terms, arrangement.power, pairs)
-    both, _ = orthonormal(np.concatenate([linear.basis.T, steep.T]).T, weights.root)
-    own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (linear.frame, both))
-    leverage = weights.root**2 * (own + (all_ - own) / len(arrangement.pairs)) / 2
+    more = stacked(derivatives(arrangement.omega, terms, arrangement.power, pairs), weights.root)
+    frame = linear.scaled @ linear.turn
+    more -= frame @ (frame.T @ more)
+    more = more @ whitening(more)
+    own, added = (np.sum(part**2, axis=1).reshape(-1, 2).sum(axis=1) for part in (frame, more))
+    leverage = (own + added / len(arrangement.pairs)) / 2
     return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
 
 
@@ -621,9 +615,11 @@ def memory(
     z = z / np.maximum(1.0, np.abs(z) / _CAP)
     z = z * model.conj() / np.sqrt(variance)
     lines = z.shape[1]
-    size = 1 << int(2 * lines - 1).bit_length()
+    lags = min(200, lines // 4) + 1
+    unit = 1 << max((lines + lags).bit_length() - 4, 0)  # at most 16 of it: small factors alone
+    size = -(-(lines + lags) // unit) * unit
     power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
-    lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
+    lagged = np.fft.ifft(power).real[:lags]
     if not lagged[0] > 0:
         return 1.0
     rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)

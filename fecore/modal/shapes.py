@@ -40,9 +40,9 @@ from fecore.modal.series import (
     Terms,
     columns,
     derivatives,
-    orthonormal,
     solved,
     stacked,
+    whitening,
 )
 
 # second singular value of the residues over the first from which there are two modes
@@ -442,7 +442,8 @@ class PairProblem:
         place[arrangement.row[:, 0], arrangement.row[:, 1]] = np.arange(len(arrangement.pairs))
         root = np.sqrt(2 / fit.variance[:, use][place].mean(axis=0))
         basis = columns(arrangement.omega[use], others, arrangement.power)
-        frames = tuple(stacked(orthonormal(basis, w)[0], w) for w in root)
+        weighted = [stacked(basis, w) for w in root]
+        frames = tuple(each @ whitening(each) for each in weighted)
         own = arrangement.values - fit.background
         values = np.stack(
             [stacked(own[:, use][rows].T, w) for rows, w in zip(place.T, root, strict=True)]

@@ -22,9 +22,10 @@ from fecore.modal.series import (
     mean_weight,
     memory,
     normal_columns,
-    orthonormal,
     shared_error,
     spectrum,
+    stacked,
+    whitening,
 )
 from fecore.modal.shapes import PairModes, PairProblem
 from fecore.normal import Z_95
@@ -470,13 +471,10 @@ def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:
     weight = np.array([[1.0, 3.0, 1.0, 3.0], [1e9, 1e9, 1e9, 1e9], [0.0, 0.0, 0.0, 0.0]])
     assert mean_weight(weight) ** 2 == pytest.approx(np.array([1.5, 2.5, 1.5, 2.5]) / 3, rel=1e-12)
     basis = np.array([[1, 1e-14], [1j, 2e-14], [1, 1e-14j], [2, 0]], dtype=complex)
-    frame, turn = orthonormal(basis, mean_weight(weight))
-    assert turn.shape == (2, 2)
-    inner = (frame.conj().T @ (mean_weight(weight)[:, None] ** 2 * frame)).real
-    np.testing.assert_allclose(inner, np.eye(2), atol=1e-12)
-    assert orthonormal(np.concatenate([basis, basis[:, :1]], axis=1), mean_weight(weight))[
-        1
-    ].shape == (3, 2)
+    scaled = stacked(basis, mean_weight(weight))
+    turn = whitening(scaled)
+    np.testing.assert_allclose(turn.T @ scaled.T @ scaled @ turn, np.eye(2), atol=1e-12)
+    assert whitening(np.concatenate([scaled, scaled[:, :1]], axis=1)).shape == (3, 2)
     arrangement = measured()
     variance = np.full(arrangement.values.shape, 2e-14)
     variance[3] = np.inf
