@@ -17,10 +17,15 @@ the distance in frequency and δ half bandwidths the shift at first. By least sq
 about it the pole shifts by 0.19 δ and leaves an rms e of 0.047 δ: a shift of 4 e.
 
 The mass of a sensor that roves pulls each mode by the square of its shape where it stands, so that a
-fit counts those tests most that are pulled most. A test s alone has ln f at δ_s = g_s/h_s from the
-fit's, g_s its score and h_s its information, with variance v_s = 1/h_s, both over the excess of the
-residual. Where δ_s falls with the power of the mode in the test, the frequency that is stated is
-the mean over tests: that of δ_s by the weights 1/(t² + v_s), t² their scatter, with the variance
+fit counts those tests most that are pulled most. The pulled tests may have a pole of their own, R_k
+beside R_j of the others: t_s = Re R_k Ā/|A|², A = R_k + R_j in test s, rises with |A|² then, by a
+correlation r that is no chance where (1 - r²)^(S/2 - 1) <= 0.001; of pairs of random shapes one in
+20,000 is taken so. One pole stands for both.
+
+A test s alone has ln f at δ_s = g_s/h_s from the fit's, g_s its score and h_s its information, with
+variance v_s = 1/h_s, both over the excess of the residual. Where δ_s falls with the power of the mode
+in the test, the frequency that is stated is the mean over tests: that of δ_s by the weights
+1/(t² + v_s), t² their scatter, with the variance
 1/Σ 1/(t² + v_s). By the moments of Σ_s δ_s²/v_s (DerSimonian and Laird 1986)
 
     t² = max(0, (Σ δ²/v - (S - 1))/(Σ 1/v - Σ 1/v²/Σ 1/v)).
@@ -35,17 +40,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.modal.arrangement import MANY, Arrangement
 from fecore.modal.series import PRICE, VAGUE
 
 if TYPE_CHECKING:
     from fecore.modal.judge import Growth
-    from fecore.modal.refine import PoleFit
+    from fecore.modal.refine import LinearFit, PoleFit
 
 SHIFT = 4.0
 """Half bandwidths by which a pole is off over the relative error that all FRFs share."""
 
+_CHANCE = 1e-3  # below which a fall over the power is none
+_KNOWN = 0.3  # standard deviation of t up to which a test tells it
 # of a session in the information: of a mode that one session shows alone nothing scatters
 _LARGEST_SHARE = 0.9
 
@@ -139,6 +146,36 @@ def _by_test(arrangement: Arrangement, each: FloatArray) -> FloatArray:
     return out
 
 
+def _roves(arrangement: Arrangement) -> bool:
+    """Whether each of eight or more tests has a point of its own."""
+    count = arrangement.sessions
+    return count >= MANY and len({pair[0] for pair in arrangement.pairs}) >= count
+
+
+def pulled(arrangement: Arrangement, fit: LinearFit, larger: IntArray) -> BoolArray:
+    """(n,) poles that are one mode with a larger one, whose numbers are given: the mode in those tests
+    in which the mass of a sensor that roves pulls it most, or least.
+    """
+    n = fit.terms.pairs
+    if not _roves(arrangement) or not n:
+        return np.zeros(n, dtype=bool)
+    own, both = fit.residues, fit.residues + fit.residues[:, larger]
+    variance = fit.linear.variance[:, 0 : 2 * n : 2] + fit.linear.variance[:, 1 : 2 * n : 2]
+    part, power, noise = (
+        _by_test(arrangement, each)
+        for each in ((own * both.conj()).real, np.abs(both) ** 2, np.abs(both) ** 2 * variance)
+    )
+    power = np.maximum(power, np.finfo(float).tiny)
+    known = np.sqrt(noise) < _KNOWN * power
+    t = part / power
+    x, y = (each - np.mean(each, axis=0, where=known | ~known.any(axis=0)) for each in (power, t))
+    xx, xy, yy = (np.sum(each, axis=0, where=known) for each in (x * x, x * y, y * y))
+    low = fit.terms.frequency_hz < fit.terms.frequency_hz[larger]
+    falls, count = np.where(low, xy, -xy) > 0, known.sum(axis=0)
+    left = 1 - xy**2 / np.maximum(xx * yy, np.finfo(float).tiny)
+    return np.asarray(falls & (count >= MANY) & (left ** (count / 2 - 1) <= _CHANCE))
+
+
 def mean_over_tests(
     arrangement: Arrangement, fit: PoleFit, information: FloatArray
 ) -> MeanOverTests | None:
@@ -151,10 +188,11 @@ def mean_over_tests(
         information: (S, parameters) of each test alone on ln ω and ζ of each pole.
     """
     count, n = arrangement.sessions, fit.terms.pairs
-    if count < MANY or len({pair[0] for pair in arrangement.pairs}) < count:
+    if not _roves(arrangement):
         return None
     h = information[:, :n] / fit.excess
     h = np.maximum(h, VAGUE * h.max(axis=0))  # a test without a line there says nothing
+    inside = arrangement.in_band(fit.terms.frequency_hz)
     power = _by_test(arrangement, np.abs(fit.residues) ** 2)
     off = _by_test(arrangement, fit.scores[:, :n]) / fit.excess / h
     total = h.sum(axis=0)
@@ -162,9 +200,11 @@ def mean_over_tests(
     bend = np.maximum(np.sum(h * beside**2, axis=0), np.finfo(float).tiny)
     fall = np.minimum(np.sum(h * beside * about, axis=0) / bend, 0.0)
     rest = np.sum(h * (about - fall * beside) ** 2, axis=0) / (count - 2)
-    if np.sum(fall**2 * bend / np.maximum(rest, 1.0)) < PRICE * n:
+    shown = (fall**2 * bend / np.maximum(rest, 1.0))[inside]
+    if not inside.any() or np.sum(shown) < PRICE * shown.size:
         return None
     beyond = np.sum(h * about**2, axis=0) - (count - 1)
     scatter = np.maximum(beyond, 0.0) / (total - np.sum(h**2, axis=0) / total)
     weight = 1 / (scatter + 1 / h)
-    return MeanOverTests(np.sum(weight * off, axis=0) / weight.sum(axis=0), 1 / weight.sum(axis=0))
+    move = np.where(inside, np.sum(weight * off, axis=0) / weight.sum(axis=0), 0.0)
+    return MeanOverTests(move, 1 / weight.sum(axis=0))

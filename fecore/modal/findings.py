@@ -102,6 +102,11 @@ OF_MODES = {
         "all natural frequencies drift together between the tests, by {percent:.2g} % (1 sd): the"
         " tests were aligned; temperature does this, or a support that comes loose"
     ),
+    "sensor_mass": remark(
+        "the natural frequencies of the tests fall with the height of the mode where the sensor stands,"
+        " as its mass pulls them: the mean over the tests is stated",
+        "a lighter sensor, or a model that has its mass, leads to the structure alone",
+    ),
     "residues_turned": remark(
         "the residues of all strong poles are turned by 90°: another quantity than stated (a"
         " velocity written as an acceleration?), or a channel that was integrated",

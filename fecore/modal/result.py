@@ -232,10 +232,11 @@ def outlying(fit: PoleFit) -> BoolArray:
 
 
 def of_series(fitted: FittedSeries, evidence: Evidence) -> tuple[Finding, ...]:
-    """What a user should know of drift and phases."""
-    drift = fitted.drift
+    """What a user should know of drift, a sensor's mass and phases."""
+    drift, errors = fitted.drift, fitted.fit.errors
     return (
         *([finding("drift", percent=100 * drift.std())] if drift.any() else ()),
+        *([finding("sensor_mass")] if errors is not None and errors.mean is not None else ()),
         *_of_phase(evidence),
     )
 

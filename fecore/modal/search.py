@@ -40,6 +40,7 @@ from fecore.modal.arrangement import (
     clusters,
     linear_poles,
 )
+from fecore.modal.errors import pulled
 from fecore.modal.judge import REFUSED, curves_alike, evidence_of, probability
 from fecore.modal.refine import (
     HOPELESS,
@@ -74,6 +75,8 @@ ROUNDS = 5
 
 # distance below which the residues of two poles cancel, and have no phase of their own
 _CANCEL = 0.05
+# distance below which two poles may be one mode whose frequency differs between tests
+_MOVED = 0.5
 _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 
 STEPS = 8
@@ -465,7 +468,8 @@ def without_spurious(data: CombinedFrfs, fit: LinearFit) -> LinearFit:
 
 def _spurious(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
     """(n,) refused poles in band that do not come again in each block of a recording, and overlap one
-    that is rather a mode; and poles hardly apart from a larger one.
+    that is rather a mode; poles hardly apart from a larger one; and those that are a mode beside them
+    in the tests that pull it most.
     """
     evidence, terms = evidence_of(arrangement, fit), fit.terms
     p = probability(evidence, terms.damping_ratio)
@@ -475,7 +479,8 @@ def _spurious(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
     beside = arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1)
     # nearer ones may be one mode, or two shapes that the references see under one pole
     once = ~(evidence.repeat > CLEAR) | (apart[:, good] < ONE).any(axis=1)
-    return np.asarray((poor & once & beside) | (evidence.apart < _CANCEL))
+    one = pulled(arrangement, fit, evidence.neighbour) & (evidence.apart < _MOVED)
+    return np.asarray((poor & once & beside) | one | (evidence.apart < _CANCEL))
 
 
 def with_stated(data: CombinedFrfs, fit: LinearFit, stated: Terms) -> tuple[LinearFit, IntArray]:
