@@ -187,7 +187,7 @@ class ShellSection:
         (Reddy, section 5.2).
         """
         A, B, D, S = self.stiffness(constants)
-        if bending_only and not self.is_plain:
+        if bending_only and np.any(B):
             D = D - B @ np.linalg.inv(A) @ B
         letters = {"A": A, "B": B, "D": D}
         rows = []
@@ -197,21 +197,24 @@ class ShellSection:
                 rows.append(S[..., i - 6, j - 6])
             else:
                 rows.append(letters[name[0]][(..., *_VOIGT[name[1:]])])
-        return np.stack([*rows, DRILLING * A[..., 2, 2]])
+        return np.array([*rows, DRILLING * A[..., 2, 2]])
 
     def inertia(self, constants: Mapping[str, FloatArray]) -> FloatArray:
         """(4, …) I0, I1, I2 and that of the drilling, kg/m², kg/m, kg, kg."""
         t = constants["t"]
         levels = self._levels(t)
-        density = np.array([ply.material.density for ply in self.plies]) / (
-            self.nominal["density"] or 1.0
-        )
-        parts = [
-            np.tensordot(density, (levels[1:] ** n - levels[:-1] ** n) / n, 1)
-            * constants["density"]
-            for n in (1, 2, 3)
-        ]
-        return np.stack([*parts, DRILLING_INERTIA * parts[0] * t**2 / 12])
+        parts = []
+        for n in (1, 2, 3):
+            height = (levels[1:] ** n - levels[:-1] ** n) / n
+            summed = self._densities @ height.reshape(len(self.plies), -1)
+            parts.append(summed.reshape(height.shape[1:]) * constants["density"])
+        return np.array([*parts, DRILLING_INERTIA * parts[0] * t**2 / 12])
+
+    @cached_property
+    def _densities(self) -> FloatArray:
+        """(1, n) of the plies, in the mean density."""
+        density = np.array([[ply.material.density for ply in self.plies]])
+        return density / (self.nominal["density"] or 1.0)
 
     def along(self, constants: Mapping[str, FloatArray], angle: float) -> FloatArray:
         """(6, …) of a wall as a beam along a line at an angle from axis 1 (rad).
@@ -234,9 +237,14 @@ class ShellSection:
 
     def _levels(self, t: FloatArray) -> FloatArray:
         """(n + 1, …) heights of the plies' faces."""
+        return np.asarray(self._fractions.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset)
+
+    @cached_property
+    def _fractions(self) -> FloatArray:
+        """(n + 1,) heights of the plies' faces above the middle of the stack, in its thickness."""
         thicknesses = np.array([ply.thickness for ply in self.plies])
-        fractions = np.concatenate([[0.0], np.cumsum(thicknesses)]) / thicknesses.sum() - 0.5
-        return np.asarray(fractions.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset)
+        shares: FloatArray = np.concatenate([[0.0], np.cumsum(thicknesses)]) / thicknesses.sum()
+        return np.asarray(shares - 0.5)
 
     def stiffness(
         self, constants: Mapping[str, FloatArray]
@@ -343,7 +351,12 @@ def _places(name: str) -> list[tuple[int, int]]:
 
 def _matrix(rows: list[list[FloatArray]]) -> FloatArray:
     """(…, n, n) from rows of entries (…)."""
-    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
+    entries = [entry for row in rows for entry in row]
+    shape, n = np.broadcast_shapes(*map(np.shape, entries)), len(rows)
+    matrix = np.empty((*shape, n, n), np.result_type(*entries))
+    for place, entry in enumerate(entries):
+        matrix[..., place // n, place % n] = entry
+    return matrix
 
 
 @dataclass(frozen=True)

@@ -409,22 +409,23 @@ class Structure(Body):
         along a wall's axes 1 and 2 and its normal. Walls keep their thickness. (Joints follow the
         length alone, and masses at points move a little too much.)
         """
-        if not self.size:
-            return np.stack([values[name] for name in names])
         ratios = [whole[name] / size for name, size in zip(SIZES, self.size, strict=False)]
-        rows = []
-        for name in names:
+        rows = {name: values[name] for name in names}
+        for name in names if ratios else ():
+            for axis, power in self._powers_by_name[name]:
+                rows[name] = rows[name] * ratios[axis] ** power
+        return np.array([rows[name] for name in names])
+
+    @cached_property
+    def _powers_by_name(self) -> dict[str, list[tuple[int, int]]]:
+        """The powers of the stretches along x, y and z in each coefficient of the model."""
+        powers = {}
+        for name in (*self.model.stiffness.names, *self.model.mass.names):
             set_name, _, last = name.rpartition(".")
-            row = values[name]
-            for axis, power in zip(
-                self._axes.get(set_name.removesuffix(".joint"), (0, 1, 2)),
-                _powers(last),
-                strict=True,
-            ):
-                if power and axis < len(ratios):
-                    row = row * ratios[axis] ** power
-            rows.append(row)
-        return np.stack(rows)
+            axes = self._axes.get(set_name.removesuffix(".joint"), (0, 1, 2))
+            along = zip(axes, _powers(last), strict=True)
+            powers[name] = [(x, n) for x, n in along if n and x < len(self.size)]
+        return powers
 
     @cached_property
     def _axes(self) -> dict[str, tuple[int, int, int]]:

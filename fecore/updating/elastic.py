@@ -54,6 +54,7 @@ _REST = 1e-4  # posterior standard deviations that an undamped step may still mo
 # deviation
 _STALLED = 1e-3
 _SAME = 0.01  # relative change of discrepancy and scatter that changes nothing
+_STANDING = 1e-6  # and that changes no step
 _THERE = 0.01  # posterior standard deviations within which an iteration ends where another did
 
 
@@ -113,7 +114,8 @@ def fit_elastic(
     5. Where neither pairs nor scales have changed and no step gains anything, this is the estimate.
     6. Else go on from step 2 with the new pairs and scales. Where the final phase ends an iteration
        at a point at which it has ended one before, partners go to and fro and the fit has no
-       result, nor has it after the last iteration.
+       result; nor has it where no step was taken and the scales stand, as each further iteration
+       would be the same, nor after the last iteration.
 
     Args:
         layout: the unknowns, and the campaigns with their models and modes.
@@ -170,7 +172,8 @@ def fit_elastic(
             return misfit.result(point, initial, tuple(path.history))
         # 6. On from here, unless it goes round.
         point = misfit.at(point.x, point.states, point.pairings, fresh)
-        if path.final_phase and path.recurs(point):
+        stands = end is first and same and fresh.are_those_of(first.scales, _STANDING)
+        if path.final_phase and (path.recurs(point) or stands):
             break
     return path.unsettled(point)
 
@@ -197,16 +200,16 @@ class _Scales:
         shapes = tuple(ShapeErrors() for _ in weights)
         return cls(DISCREPANCY, layout.scatter, weights, no_shear, shapes)
 
-    def are_those_of(self, other: _Scales) -> bool:
+    def are_those_of(self, other: _Scales, share: float = _SAME) -> bool:
         """Whether they differ by no more than what changes nothing."""
         mine, theirs = (self.discrepancy, self.scatter), (other.discrepancy, other.scatter)
-        same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
+        same = all(abs(new - old) <= share * old for new, old in zip(mine, theirs, strict=True))
         same &= all(a.are_those_of(b) for a, b in zip(self.shapes, other.shapes, strict=True))
         same &= all(
-            np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True)
+            np.all(np.abs(a - b) <= share) for a, b in zip(self.weights, other.weights, strict=True)
         )
         both = zip(self.by_shear, other.by_shear, strict=True)
-        return same and all(np.all(np.abs(a - b) <= _SAME * SHEAR_CORRECTION_SD) for a, b in both)
+        return same and all(np.all(np.abs(a - b) <= share * SHEAR_CORRECTION_SD) for a, b in both)
 
 
 @dataclass(frozen=True)
