@@ -72,6 +72,19 @@ def noisy(
     return np.asarray(values + level * (real + 1j * imaginary))
 
 
+def with_one_line_in(step: int, given: Measurement) -> Measurement:
+    """The measurement with one line in so many."""
+    frfs, lines = given.frfs, slice(None, None, step)
+    assert frfs is not None
+    few = replace(
+        frfs,
+        frequency_hz=frfs.frequency_hz[lines],
+        values=frfs.values[:, lines],
+        measured=frfs.measured[:, lines],
+    )
+    return replace(given, frfs=few)
+
+
 def modes_at(
     points: Iterable[int], hz: np.ndarray, shapes: np.ndarray, share: float, zeta: float = 0.01
 ) -> MeasuredModes:

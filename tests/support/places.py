@@ -1,12 +1,22 @@
-"""Where the project lies, and the data beside it that other people measured or computed."""
+"""Where the project lies, its code, and the data beside it that other people measured or
+computed.
+"""
 
+import ast
 import os
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared"
+
+
+@cache
+def parsed(folder: str) -> dict[Path, ast.Module]:
+    """The modules of a folder of the project, each parsed once for all tests."""
+    return {path: ast.parse(path.read_text()) for path in sorted((ROOT / folder).rglob("*.py"))}
 
 
 def shared_folder(variable: str, name: str) -> Path:

@@ -11,7 +11,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -22,15 +21,10 @@ import modalbase
 from modalbase.client.connection import Connection
 from modalbase.client.rest import Rest
 from modalbase.client.rest import routes as calls
-from tests.support.places import ROOT
+from tests.support.places import ROOT, parsed
 from tools import reference
 
 PACKAGES = ("fecore", "modalbase", "service")
-
-
-@cache
-def parsed(package: str) -> list[tuple[Path, ast.Module]]:
-    return [(path, ast.parse(path.read_text())) for path in sorted((ROOT / package).rglob("*.py"))]
 
 
 # --- code, messages and documents use the glossary's words
@@ -180,7 +174,7 @@ def test_commands_ask_objects_and_not_the_connection_beneath_them() -> None:
     beneath = {"connection", "rest"}
     calls_rest = [
         f"{path}:{node.lineno}"
-        for path, tree in (*parsed("modalbase/commands"), *parsed("service/app"))
+        for path, tree in (*parsed("modalbase/commands").items(), *parsed("service/app").items())
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute)
         and node.attr in beneath
@@ -210,7 +204,7 @@ def of_numbers(value: ast.expr) -> bool:
 def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> None:
     """In a comment or docstring."""
     stated: dict[str, bool] = {}
-    for path, tree in parsed("fecore"):
+    for path, tree in parsed("fecore").items():
         lines = path.read_text().splitlines()
         for node, after in itertools.zip_longest(tree.body, tree.body[1:]):
             target = (

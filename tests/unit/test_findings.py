@@ -23,7 +23,7 @@ from modalbase.formats.models.losses import LOSSES
 from modalbase.formats.models.model import ReadReport, Where, skipped_card
 from service.pages.findings import PLACES, section
 from service.pages.guide.contents import render
-from tests.support.places import ROOT
+from tests.support.places import ROOT, parsed
 from tools import findings
 
 REMARKS = {
@@ -31,12 +31,7 @@ REMARKS = {
 }  # fmt: skip
 ROWS: dict[str, Row] = {**FINDINGS, **REMARKS}
 MAKERS = ("finding", "of_mode", "reason")
-READERS = ROOT / "modalbase/formats/models"
-
-
-@cache
-def sources(folder: Path = ROOT / "fecore") -> dict[Path, ast.Module]:
-    return {path: ast.parse(path.read_text()) for path in sorted(folder.rglob("*.py"))}
+READERS = "modalbase/formats/models"
 
 
 def named(*templates: str) -> set[str]:
@@ -52,10 +47,10 @@ def strings(module: ast.Module) -> Iterator[str]:
 
 
 @cache
-def calls(folder: Path = ROOT / "fecore") -> list[tuple[Path, ast.Call]]:
+def calls(folder: str = "fecore") -> list[tuple[Path, ast.Call]]:
     return [
         (path, node)
-        for path, tree in sources(folder).items()
+        for path, tree in parsed(folder).items()
         for node in ast.walk(tree)
         if isinstance(node, ast.Call)
     ]
@@ -85,7 +80,7 @@ def test_findings_are_made_of_rows_alone() -> None:
 
 
 def test_each_row_is_used_with_the_values_that_it_names() -> None:
-    used = {text for tree in sources().values() for text in strings(tree)}
+    used = {text for tree in parsed("fecore").values() for text in strings(tree)}
     for _, call in calls():
         at = {"make": 1}.get(called(call), 0)
         if called(call) not in (*MAKERS, "make") or len(call.args) <= at:
@@ -130,11 +125,11 @@ def test_the_guide_lists_each_finding() -> None:
 
 def test_what_a_reader_of_models_loses_comes_from_rows() -> None:
     used = set()
-    for path, tree in sources(READERS).items():
+    for path, tree in parsed(READERS).items():
         used |= set(strings(tree)) if path.name != "losses.py" else set()
     assert LOSSES.keys() <= used, LOSSES.keys() - used
     for path, call in calls(READERS):
-        assert path == READERS / "model.py" or called(call) != "SkippedCard", path
+        assert path == ROOT / READERS / "model.py" or called(call) != "SkippedCard", path
         first = {"skipped_card": 0, "note": 1}.get(called(call), 1 if of_notes(call) else None)
         if first is None or not isinstance(kind := call.args[first], ast.Constant):
             continue

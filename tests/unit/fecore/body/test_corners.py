@@ -35,6 +35,7 @@ def two_walls(
     t: tuple[float, float] = (0.006, 0.004),
     names: tuple[str, str] = ("a", "b"),
     length: float = 0.2,
+    element: float = 0.025,
 ) -> Structure:
     """Walls of 50 mm, of which the second turns by an angle."""
     turn = np.radians(degrees)
@@ -43,7 +44,7 @@ def two_walls(
         Segment(names[1], (0.0, 0.0), (0.05 * np.cos(turn), 0.05 * np.sin(turn))),
     ]
     sections = {name: ShellSection((Ply(GFRP, own),)) for name, own in zip(names, t, strict=True)}
-    return Structure(extrude(segments, length, 0.025), sections)
+    return Structure(extrude(segments, length, element), sections)
 
 
 @pytest.mark.parametrize(
@@ -55,9 +56,9 @@ def test_matrices_have_no_jump_at_any_angle(t: tuple[float, float], names: tuple
     """
     degrees = np.arange(0, 93, 3.0)
     motion, added = np.random.default_rng(3), []
-    shape = motion.standard_normal(two_walls(45.0, t, names, 0.05).model.stiffness.size)
+    shape = motion.standard_normal(two_walls(45.0, t, names, 0.05, 0.05).model.stiffness.size)
     for angle in degrees:
-        on = two_walls(float(angle), t, names, 0.05)
+        on = two_walls(float(angle), t, names, 0.05, 0.05)
         with_joints, without = (pencil(each) for each in (on, replace(on, with_joints=False)))
         added.append(
             [

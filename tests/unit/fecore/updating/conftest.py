@@ -48,9 +48,9 @@ def result(drawn: Drawn) -> UpdateResult:
 
 @pytest.fixture(scope="module")
 def _few_draws() -> Iterator[None]:
-    """A search by FRFs alone draws an eighth of its starts, for a module of tests."""
+    """A search by FRFs alone draws a 32nd of its starts, for a module of tests."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(elastic_starts, "_DRAWN_BY_FRFS", 64)
+        patch.setattr(elastic_starts, "_DRAWN_BY_FRFS", 16)
         yield
 
 

@@ -111,7 +111,7 @@ def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> N
 def with_mass(seed: int, grams: float) -> Campaign:
     """A strip with a mass near its end that nobody stated."""
     masses = (PointMass(0.23, 0.01, 1e-3 * grams),)
-    return measured(np.random.default_rng([36, seed]), "b", SHORT, 0.0, unstated=masses)
+    return measured(np.random.default_rng([36, seed]), "b", SHORT, 0.0, modes=7, unstated=masses)
 
 
 @pytest.mark.long
@@ -182,20 +182,20 @@ def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
     first, other = strips(1)
     campaigns = [first, shortened(other, by)]
     elastic = settled(fit_elastic(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, coupons())))
-    problem, checked = elastic.problem, 0
-    for check, _ in _Sources.of(elastic).checks:
-        if check.name in elastic.layout.labels and check.evidence > 0:
-            at = np.array(elastic.layout.labels) == check.name
-            wider = [np.where(at, k, 1.0) for k in SLIPS]
-            slipped = [
-                replace(
-                    problem, prior=lambda s, w=w: problem.prior(s) / np.outer(w, w)
-                ).log_evidence(SCATTER)
-                for w in wider
-            ]
-            with_slip = np.logaddexp.reduce(slipped) - np.log(len(SLIPS))
-            assert check.evidence == pytest.approx(
-                with_slip - problem.log_evidence(SCATTER), rel=1e-6
+    problem = elastic.problem
+    likely = [
+        check
+        for check, _ in _Sources.of(elastic).checks
+        if check.name in elastic.layout.labels and check.evidence > 0
+    ]
+    for check in (max(likely, key=lambda each: each.evidence), likely[-1]):
+        at = np.array(elastic.layout.labels) == check.name
+        wider = [np.where(at, k, 1.0) for k in SLIPS]
+        slipped = [
+            replace(problem, prior=lambda s, w=w: problem.prior(s) / np.outer(w, w)).log_evidence(
+                SCATTER
             )
-            checked += 1
-    assert checked
+            for w in wider
+        ]
+        with_slip = np.logaddexp.reduce(slipped) - np.log(len(SLIPS))
+        assert check.evidence == pytest.approx(with_slip - problem.log_evidence(SCATTER), rel=1e-6)

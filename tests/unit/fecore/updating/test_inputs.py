@@ -194,20 +194,17 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
     assert (found["a0"], found["a1"]) == pytest.approx((a0, a1), rel=1e-6)
     assert result.prediction is None
     assert result.correlation.updated is None
-    joint = update(
-        Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal, Recipe(method="joint")
-    )
-    assert joint.parameters == result.parameters
-    assert set(joint.warnings) - set(result.warnings) == {
+    unknown = Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan)))
+    silent = update(unknown, nominal, RAYLEIGH)
+    assert silent.outcomes[1].status == "skipped"
+    joint = update(unknown, nominal, replace(RAYLEIGH, method="joint"))
+    assert joint.parameters == silent.parameters
+    assert set(joint.warnings) - set(silent.warnings) == {
         "the method joint needs FRFs, and the campaign has none: the constants were estimated from"
         " the modes, as the method two_stage does"
     }
-    little = Recipe(parameters=(Parameter("Ex"),), damping_models=("rayleigh",))
-    unknown = MeasuredModes(MEASURED_HZ, np.full(5, np.nan))
-    silent = update(Measurement(None, {}, unknown), nominal, little)
-    assert silent.outcomes[1].status == "skipped"
     one = MeasuredModes(MEASURED_HZ, np.where(np.arange(5) == 0, ratio, np.nan))
-    alone = update(Measurement(None, {}, one), nominal, little).outcomes[1]
+    alone = update(Measurement(None, {}, one), nominal, RAYLEIGH).outcomes[1]
     assert (alone.status, alone.message) == (
         "skipped",
         "1 damping ratios cannot fix any of the laws asked for",

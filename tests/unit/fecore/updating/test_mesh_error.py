@@ -111,7 +111,7 @@ def test_a_forecast_shows_both_meshes() -> None:
 def test_a_mesh_beyond_the_limit_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh, "MOST_DOFS", 100)
     modes, points = measured("tapered")
-    body = deck("tapered", 12, 8, "quad8")
+    body = deck("tapered", 6, 4, "quad8")
     found = update(
         Measurement(None, points, modes, inputs=Inputs.exact()),
         body,

@@ -94,7 +94,7 @@ def updated(modes: MeasuredModes, frfs: FrfSet | None = None) -> UpdateResult:
 def accelerances(true: OrientedSpecimen) -> FrfSet:
     """To a sensor at a corner, with 1 % noise."""
     dofs, state, random = along_z(range(1, 34)), solved(true), np.random.default_rng(1)
-    sensor, hz = (dofs[-1],) * 33, np.arange(2.0, 1501.0, 1.0)
+    sensor, hz = (dofs[-1],) * 33, np.arange(2.0, 1501.0, 2.0)
     model = state.frf_model(dofs, sensor)
     values = model.synthesise(
         hz, laws_for(true)["mechanism"].basis(model.omega, model.strain) @ LOSS

@@ -12,7 +12,7 @@ import pytest
 from fecore.modes import MeasuredModes
 from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from tests.support.draws import LAW, NOMINAL, STATED, Truth, measured
+from tests.support.draws import LAW, NOMINAL, STATED, Truth, measured, with_one_line_in
 from tests.support.fits import at_prior, forward_model
 
 RAYLEIGH = Recipe(damping_models=("rayleigh",))
@@ -21,7 +21,8 @@ RAYLEIGH = Recipe(damping_models=("rayleigh",))
 @cache
 def usual(boundary: str = "cantilever") -> Measurement:
     """A body that is as it is stated."""
-    return measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
+    given = measured(Truth(boundary=boundary), NOMINAL, np.random.default_rng(1))
+    return with_one_line_in(2, given)
 
 
 def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
@@ -136,7 +137,7 @@ def test_damping_does_not_suffer_from_a_clamp_that_gives_way_and_an_unstated_sen
     """
     truth = Truth(clamp=0.01, sensor=1.5e-3, length=0.5e-3)
     material = replace(NOMINAL, Ex=0.8 * NOMINAL.Ex, Gxy=1.2 * NOMINAL.Gxy)
-    given = measured(truth, material, np.random.default_rng(3))
+    given = with_one_line_in(2, measured(truth, material, np.random.default_rng(3)))
     result = update(given, replace(STATED, divisions=(20, 2)), RAYLEIGH)
     a1 = next(p for p in result.parameters if p.name == "a1")
     assert abs(a1.estimate / LAW[1] - 1) < 0.005
