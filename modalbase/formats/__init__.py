@@ -5,6 +5,7 @@ registry                        the table of formats of measured data
 foreign                         formats of other programs, and what to export instead
 recognise                       a file's format, by its content
 units, coordinates, dof_names   units by name; curved axes; points and directions in names
+factors                         gains, scales and offsets that a file states beside a unit
 types, constants, errors        what all of them share
 tables                          tables of text, whatever program wrote them
 npy                             the arrays of an npz, each read no further than its entry says

@@ -24,10 +24,12 @@ from typing import Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.factors import changes, factor_beside, question, with_factor
 from modalbase.formats.tables.layout import SEPARATORS, joined_brackets, row_of
 from modalbase.formats.tables.numbers import Clock, is_number, kind_of, number_reader
-from modalbase.formats.tables.preamble import Row
+from modalbase.formats.tables.preamble import Row, Statement, statements_of
 from modalbase.formats.tables.reader import encoding_of, open_table
+from modalbase.formats.tables.sizes import StatedSize, sizes_of
 from modalbase.formats.types import FloatArray
 from modalbase.formats.units import factor_of, known_units, plain, unit_in_name
 
@@ -97,6 +99,7 @@ class MachineFile:
     delimiter: str
     decimal: str
     notes: tuple[str, ...]  # remarks that were passed over, empty cells, restarts
+    sizes: tuple[StatedSize, ...] = ()  # of the specimen, that lines above the curve state
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,22 @@ class _Columns:
         """The header of a column; "" where there is none."""
         place = self.places[name]
         return self.header_cells[place] if place < len(self.header_cells) else ""
+
+    @property
+    def statements(self) -> list[Statement]:
+        """What the lines above the header state."""
+        above = self.rows[: max(self.header_row, 0)]
+        return statements_of([row for row in above if any(row.cells)], self.delimiter)
+
+    def factor(self, name: str) -> str:
+        """A factor that the header or a line above states of a column; "" where there is none."""
+        width, place = len(self.header_cells), self.places[name]
+        stated = (
+            f"{each.name} = {cell}"
+            for each in self.statements
+            if changes(each.name, cell := each.of_columns(width, range(width)).get(place, ""))
+        )
+        return next(stated, "") or factor_beside(self.header(name), {})
 
     def cells(self, index: int) -> list[str]:
         """Of a line; none beyond the ends of the file."""
@@ -180,7 +199,15 @@ def read_machine_csv(
         notes.append(f"{empty} empty cells, taken as not measured")
     if len(runs) > 1:
         notes.append("restarted at line " + ", ".join(str(run.lines[0]) for run in runs[1:]))
-    return MachineFile(tuple(runs), units, encoding, layout.delimiter, symbol, tuple(notes))
+    return MachineFile(
+        runs=tuple(runs),
+        units=units,
+        encoding=encoding,
+        delimiter=layout.delimiter,
+        decimal=symbol,
+        notes=tuple(notes),
+        sizes=sizes_of(layout.statements, layout.delimiter),
+    )
 
 
 def _numbers(block: _Block, parse: Callable[[str], float]) -> FloatArray:
@@ -360,6 +387,7 @@ def _units(columns: Mapping[str, Column], blocks: Sequence[_Block]) -> dict[str,
     units = {}
     for i, (name, column) in enumerate(columns.items()):
         stated = [] if column.unit is None else [column.unit]
+        factor_stated = next(filter(None, (block.columns.factor(name) for block in blocks)), "")
         for block, beside in zip(blocks, of_blocks, strict=True):
             own = unit_in_name(block.columns.header(name), column.quantity)[1]
             # there a name, as in "Tensile strain (Strain)"
@@ -376,6 +404,10 @@ def _units(columns: Mapping[str, Column], blocks: Sequence[_Block]) -> dict[str,
                 f"is stated neither by you nor in the file; {column.quantity} in"
                 f" what?{_unread(blocks[0].columns, name)}",
             )
+        if factor_stated and column.unit is None:
+            text = with_factor(stated[0], factor_stated)
+            raise FormatError(f"columns.{name}.unit", f"is {text!r}: {question(text)}")
+        stated = stated[:1] if factor_stated else stated
         values = {factor(column.quantity, unit, f"columns.{name}.unit") for unit in stated}
         if len(values) > 1:
             raise FormatError(

@@ -12,6 +12,7 @@ from math import radians
 from typing import Literal, NamedTuple
 
 from modalbase.formats.constants import FOOT, INCH, POUND_FORCE, STANDARD_GRAVITY
+from modalbase.formats.factors import factor_beside, split_factor, with_factor
 from modalbase.formats.types import Quantity
 
 Measured = Literal[
@@ -97,9 +98,13 @@ _NAMES: dict[Dimension, dict[str, float]] = {
 """SI value of one unit, by dimension and name."""
 
 _ANGLES = {
-    **dict.fromkeys(("rad", "radian", "radians", "cycles"), 1.0),
-    **dict.fromkeys(("deg", "degree", "degrees", "°"), radians(1)),
+    **dict.fromkeys(("rad", "radian", "radians"), 1.0),
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "gradi", "grados"), radians(1)),
+    **dict.fromkeys(("cycle", "cycles", "rev", "revs", "turn", "turns"), radians(360)),
+    "mrad": 1e-3,
+    "gon": radians(0.9),
 }
+"""Angles in rad; "grad" is German for a degree."""
 _TWO_CASES = {"mn", "mpa", "msi", "mhz", "nm"}  # two units by the case of a letter: nm and Nm
 _SPELLED = {"MPA": "MPa", "Mpa": "MPa", "MSI": "Msi"}
 _COMPOSED: dict[Measured, tuple[str, ...]] = {
@@ -178,16 +183,22 @@ _POWER_OF_TEN = re.compile(
     r"[*x]?\s*(?:1e([+-]?\d+)|10\s*(?:\^|\*\*)?\s*([+-]\d+))(?![\d.])\s*[*·]?\s*(.*)", re.IGNORECASE
 )
 
+_POWER_BEHIND = re.compile(
+    r"(\S.*?)\s*(?:[*x·]|(?<=\s))\s*(1e[+-]?\d+|10\s*(?:\^|\*\*)?\s*[+-]\d+)", re.IGNORECASE
+)
+
 
 def plain(unit: str) -> str:
     """A unit without brackets around it, with one kind of micro sign and epsilon.
 
-    >>> plain("[με]"), plain("ms-2"), plain("mms-1"), plain("1E-3 g/N"), plain("×10⁻⁶")
-    ('µε', 'm/s2', 'mm/s', '1e-3*g/N', '1e-6*1')
+    >>> plain("[με]"), plain("ms-2"), plain("mms-1"), plain("1E-3 g/N"), plain("×10⁻⁶"), plain("g/N x10-3")
+    ('µε', 'm/s2', 'mm/s', '1e-3*g/N', '1e-6*1', '1e-3*g/N')
     """
     bare = unit.strip().rstrip(".").translate(_ONE_SIGN)
     for raised, power in _RAISED.items():
         bare = bare.replace(raised, power)
+    if behind := _POWER_BEHIND.fullmatch(bare):  # as in "m/s² x10-3"
+        bare = f"{behind[2]} {behind[1]}"
     if scaled := _POWER_OF_TEN.fullmatch(bare):
         bare = f"1e{scaled[1] or scaled[2]}*{scaled[3] or 1}"
     bare = _RUN_TOGETHER.sub(lambda match: f"{match[1]}m/s{match[2].replace('1', '')}", bare)
@@ -228,11 +239,23 @@ def factor_of(quantity: Measured, unit: str) -> float | None:
     read = read_unit(unit)
     if read is None or read.dimension != DIMENSIONS[quantity]:
         return None
-    names = re.findall(r"[^\W\d_]+", plain(unit)) if quantity == "strain" else []
-    if any(part.dimension not in (LENGTH, NUMBER) for part in map(_atom, names) if part):
+    names = re.findall(r"[^\W\d_]+|°", plain(unit))
+    parts = [part for part in map(_atom, names) if part]
+    if quantity == "strain" and any(part.dimension not in (LENGTH, NUMBER) for part in parts):
         return None
-    turns = quantity == "frequency" and re.search(r"rad|deg|°", unit.lower())
-    return read.factor / 6.283185307179586 if turns else read.factor
+    turns = quantity == "frequency" and any(name.lower() in _ANGLES for name in names)
+    return read.factor / radians(360) if turns else read.factor
+
+
+def angle_of(text: str) -> float | None:
+    """The value in rad of one unit of an angle; None of what is none.
+
+    >>> angle_of("[rad]"), angle_of("π rad"), angle_of("Degrees") == angle_of("°"), angle_of("g/N")
+    (1.0, 3.141592653589793, True, None)
+    """
+    bare = plain(text).lower().replace(" ", "").replace("pi", "π")
+    number = _ANGLES.get("rad" if bare == "π" else bare.removeprefix("π"))
+    return number and number * (radians(180) if "π" in bare else 1.0)
 
 
 _LEVEL = re.compile(r"(?<![^\W\d_])(?:dB|(?i:db)(?![^\W\d_]))[\s,/:]*(.*)")  # dBg is one of g
@@ -248,6 +271,8 @@ def level_of(text: str) -> str | None:
 
     >>> level_of("dB re 1 g/N"), level_of("dB (m/s²/N)"), level_of("dBg/N"), level_of("dB"), level_of("g/N")
     ('g/N', 'm/s²/N', 'g/N', '', None)
+    >>> level_of("dB re 1e-6")  # of an unknown unit
+    '1e-06'
     >>> level_of("dB, ref=1.0E-6 m/s²/N"), level_of("DB (re 20 (µm/s)/N)"), level_of("dB//1 (m/s)/N")
     ('1e-06*(m/s²/N)', '20*((µm/s)/N)', '(m/s)/N')
     """
@@ -258,7 +283,19 @@ def level_of(text: str) -> str | None:
     reference = _REFERENCE.fullmatch(wrapped[1].strip() if wrapped else level[1].strip())
     assert reference is not None, "everything in it may be missing"
     number, unit = float(reference[1] or 1), plain(reference[2])
-    return f"{number:g}*({unit})" if unit and number != 1 else unit
+    if number == 1:
+        return unit
+    return f"{number:g}*({unit})" if unit else f"{number:g}"
+
+
+def decibels_in(name: str) -> str:
+    """What brackets of a name hold where that is a level; else nothing.
+
+    >>> decibels_in("H1 [dB re 1 g/N]"), decibels_in("H1 [g/N]")
+    ('dB re 1 g/N', '')
+    """
+    match = re.search(r"[(\[](\s*dB.*)[)\]]", name, re.IGNORECASE)
+    return match[1] if match and level_of(match[1]) is not None else ""
 
 
 def values_of(quantity: Measured, names: str) -> dict[str, float]:
@@ -281,6 +318,7 @@ def known_units(quantity: Measured) -> str:
 
 _IN_BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)*)[\])}>]")
 _NAMED_UNIT = re.compile(r"[^\W\d_]+(?: \w+)*\s*\([^()]*\)")
+_BEHIND_IN = re.compile(r"(.*\S)\s+in\s+(\S+)")
 _AT_THE_END = re.compile(r"(?=(?:\s*/\s*|\s*[_,;:]\s*|\s+in\s+|\s+)(\S+)$)")
 
 
@@ -294,6 +332,8 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
 
     >>> unit_in_name("ACC (g)"), unit_in_name("Hammer [lbf] 1"), unit_in_name("Strain 1 (left)")
     (('ACC', 'g'), ('Hammer 1', 'lbf'), ('Strain 1 (left)', ''))
+    >>> unit_in_name("Beschleunigung in m/s²")
+    ('Beschleunigung', 'm/s²')
     >>> unit_in_name("time_ms", "time"), unit_in_name("time_s"), unit_in_name("Strain 1", "strain")
     (('time', 'ms'), ('time_s', ''), ('Strain 1', ''))
     """
@@ -307,6 +347,9 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
                 " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()),
                 match[1].strip(),
             )
+    stated = _BEHIND_IN.fullmatch(name)
+    if stated and not stated[2].isdigit() and read_unit(stated[2]) is not None:
+        return stated[1], stated[2]
     for match in _AT_THE_END.finditer(name):
         unit = match[1].replace("_", "/")
         if quantity is not None and not unit.isdigit() and factor_of(quantity, unit) is not None:
@@ -342,6 +385,8 @@ def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None =
 
     >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
     ('g/N', 'm/N')
+    >>> unit_beside("H", {"H@unit": "g/N", "H@gain": "10"})  # whoever sends it says what counts
+    'g/N (gain = 10)'
     """
     parent, _, own = name.rpartition(".")
     within = f"{parent}." if parent else ""
@@ -355,8 +400,10 @@ def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None =
     its_own = [
         texts.get(at, "") for at in (f"{within}{own}_unit", f"{within}{own}_units", *attributes)
     ]
-    stated = (text.strip() for text in (*shared, *its_own) if text.strip())
-    return next(stated, "") or unit_in_name(own, quantity)[1]
+    stated = next((text.strip() for text in (*shared, *its_own) if text.strip()), "")
+    bare, factor = split_factor(stated)
+    factor = factor or factor_beside(name, texts, own=quantity is not None)
+    return with_factor(bare or unit_in_name(own, quantity)[1], factor)
 
 
 def _product(tokens: list[str]) -> tuple[Unit | None, list[str]]:

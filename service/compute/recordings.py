@@ -12,6 +12,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
 from modalbase.formats.errors import FormatError
+from modalbase.formats.factors import factors_among
 from modalbase.formats.records import ChannelMapping, Variables, read_mapping
 from modalbase.formats.records.arrays import SAMPLE_RATE, columns_of
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT, Recorded
@@ -160,6 +161,8 @@ def recording_of(
 
 
 def units_in(variables: Variables, texts: dict[str, str]) -> dict[str, str]:
-    """Units that the texts of a file state of its arrays, and so of their columns."""
+    """Units that the texts of a file state of its arrays, and so of their columns, with the factors
+    that stand beside them.
+    """
     names = [name for own, a in variables.items() for name in (own, *columns_of(own, a.shape))]
-    return units_beside(names, texts)
+    return units_beside(names, texts | factors_among(variables))

@@ -323,3 +323,32 @@ def test_a_transverse_strain_of_the_wrong_sign_is_named(tmp_path: Path) -> None:
     assert any("Poisson's ratio is -0.300" in warning for warning in warnings)
     with pytest.raises(InputError, match=r"grows with the force.*turn its sign"):
         reduced(path, columns, DIMENSIONS, standard="D3518")
+
+
+CURVE = "\n".join(f"{70e3 * e * 30:.3f};{100 * e:.6f}" for e in np.linspace(0, 0.01, 101))
+STATED = [  # lines above or in the heading of a bar of 20 x 1.5 mm, and what they meet
+    ("Breite b0;20,5;mm\nKraft;Dehnung\nN;%", ""),
+    ("Breite b0;25,0;mm\nKraft;Dehnung\nN;%", r"dimensions.width: is 20 mm, and line 1 states 'Breite b0: 25,0 mm'"),
+    ("Area: 50 mm²\nKraft;Dehnung\nN;%", r"dimensions.width: and thickness make an area of 30 mm², and line 1"),
+    ("Scale;0.001;1\nKraft;Dehnung\nN;%", r"columns.force.unit: is 'N \(Scale = 0.001\)': .*such as 'N', '0.001\*N'"),
+    ("Offset;0;5\nKraft;Dehnung\nN;%", r"columns.strain.unit: is '% \(Offset = 5\)'"),
+    ("Kraft x1000 (N);Dehnung (%)", r"columns.force.unit: is 'N \(x1000\)'"),
+    ("Kraft (MN);Dehnung (%)", "columns: give E_Pa 7e[+]16 .*no material has"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("heading", "why"), STATED)
+def test_what_lines_above_a_curve_state_counts(tmp_path: Path, heading: str, why: str) -> None:
+    path, columns = tmp_path / "bar.csv", {"force": "Kraft", "strain": "Dehnung"}
+    path.write_text(f"{heading}\n{CURVE}\n")
+    dimensions = {name: value for name, value in BAR.items() if name != "gauge_length"}
+    columns["force"] = heading.split(" (")[0] if "x1000" in heading else "Kraft"
+    if not why:
+        assert reduced(path, columns, dimensions).coupon.E_Pa == pytest.approx(70e9, rel=1e-4)
+        return
+    with pytest.raises(InputError, match=why):
+        reduced(path, columns, dimensions)
+    if "N \\(" in why:  # whoever sends it says what the numbers are in
+        stated = {**columns, "force": {"header": columns["force"], "unit": "1e-3*N"}}
+        found = reduced(path, stated, dimensions)
+        assert found.coupon.E_Pa == pytest.approx(70e6, rel=1e-4)

@@ -188,7 +188,7 @@ def test_decibels_of_zero_stay_in_the_table(tmp_path: Path) -> None:
 
 REFUSED = [
     ({"frf": {"magnitude": "M", "phase": "P"}}, "phase_unit: is empty, and the file states none; state deg or rad"),
-    ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "gon"}}, "expected deg or rad"),
+    ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "mm"}}, "expected deg or rad"),
     ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "deg", "scale": "log"}}, "expected linear or dB"),
     ({"frf": {"magnitude": "L", "phase": "P", "phase_unit": "deg"}}, "state .scale.: .dB."),
     ({"frf": {"magnitude": "M (g/N)", "phase": "P", "phase_unit": "deg", "scale": "dB"}},
@@ -259,6 +259,7 @@ def test_parts_of_frfs_in_a_mat_are_no_hits_and_other_spectra_are_named(tmp_path
 
 DEGREES = np.degrees(np.angle(H))
 LEVEL = 20 * np.log10(np.abs(H))
+PARTS_IN_G = np.array([H.real, H.imag]) / GRAVITY
 WORDS = [
     ("Frequenz [Hz];Betrag [dB re 1 (m/s²)/N];Phase [°]", (HZ, LEVEL, DEGREES)),
     ("Frequency;Log Mag;Phase\nHz;dB(g/N);Degrees", (HZ, LEVEL - 20 * np.log10(GRAVITY), DEGREES)),
@@ -270,6 +271,18 @@ WORDS = [
     ("Frequency [mHz];Level [dB, ref=1e-6 m/s²/N];Phase [°]", (1000 * HZ, LEVEL + 120, DEGREES)),
     ("Freq [Hz];Mag (dBg/N);Phase [°]", (HZ, LEVEL - 20 * np.log10(GRAVITY), DEGREES)),
     ("Frecuencia (Hz);Magnitud dB//1 (m/s²)/N;Fase (grados)", (HZ, LEVEL, DEGREES)),
+    ("X Unit: Hz;Y Unit: g/N\nScale;1;1;1\nFrequency;Real;Imag", (HZ, *PARTS_IN_G)),
+    ("Units;Hz;g/N;g/N\nFrequency;Real;Imag", (HZ, *PARTS_IN_G)),
+    ("dB reference: 1e-6 (m/s²)/N\nf [Hz];Mag [dB];Phase [deg]", (HZ, LEVEL + 120, DEGREES)),
+    ("f [Hz];Mag [(m/s²)/N];-Phase [deg]", (HZ, np.abs(H), -DEGREES)),
+    ("f [Hz];Mag [(m/s²)/N];Phase lag [gon]", (HZ, np.abs(H), -DEGREES / 0.9)),
+    ("f [Hz];Mag [(m/s²)/N];Phase [cycles]", (HZ, np.abs(H), DEGREES / 360)),
+    ("f [Hz];Mag [(m/s²)/N];Phase [mrad]", (HZ, np.abs(H), 1000 * np.angle(H))),
+    ("f [Hz];Mag [(m/s²)/N];Phase [π rad]", (HZ, np.abs(H), np.angle(H) / np.pi)),
+    ("f [Hz];Re [g/N];-Im [g/N]", (HZ, PARTS_IN_G[0], -PARTS_IN_G[1])),
+    ("f [Hz];Re conj(H) [g/N];Im conj(H) [g/N]", (HZ, PARTS_IN_G[0], -PARTS_IN_G[1])),
+    ("Delta f: 0.5 Hz\nf [Hz];Re [g/N];Im [g/N]", [part[::-1] for part in (HZ, *PARTS_IN_G)]),
+    ("Frequenz [Hz];Real [g/N x10-3];Imag [g/N x10-3]", (HZ, *(1000 * PARTS_IN_G))),
 ]
 
 
@@ -298,6 +311,16 @@ COLUMNS = [  # headings of columns that hold H, with g/N where they say it, and 
     ("f (Hz);log10 Mag (g/N);Phase (deg)", "fmp", "frf/scale: is empty, and 'log10 Mag .* names a logarithm"),
     ("f (Hz);Re (g/N);Im (g/N);f (Hz);Re (g/N);Im (g/N)", "frigri",
      r"f \(Hz\) 2: is 1 in row 1 of the data, and f \(Hz\) is 0.5; import the FRFs of each axis"),
+    ("Scale;1;0.001;0.001\nf (Hz);Re (g/N);Im (g/N)", "fri",
+     r"unit: is 'g/N \(Scale = 0.001\)': whether .*, such as 'g/N', '0.001\*g/N'"),
+    ("Offset: 5\nf (Hz);Re (g/N);Im (g/N)", "fri", r"unit: is 'g/N \(Offset = 5\)'"),
+    ("f (Hz);Re x1000 (g/N);Im x1000 (g/N)", "fri", r"unit: is 'g/N \(x1000\)'"),
+    ("f (Hz);Mag squared (g/N);Phase (deg)", "fmp", "magnitude: is 'Mag squared .*, a square"),
+    ("f (Hz);Mag [dB re 1e-6];Phase (deg)", "fmp", "unit: is '1e-06', which is no response"),
+    ("dB reference: 1e-6 g/N\nf (Hz);Mag [dB re 1 g/N];Phase (deg)", "fmp", "unit: is .*reference = 1e-6 g/N"),
+    ("Resolution: 0.25 Hz\nf (Hz);Re (g/N);Im (g/N)", "fri", "lines 0.5 Hz apart, and line 1 states"),
+    ("Force unit: N\nf (Hz);Re;Im", "fri", "unit: is missing: .* line 1 states 'Force unit: N'"),
+    ("Mechanical impedance\nf (Hz);Re;Im", "fri", "quantity: is said by the file .* no response"),
 ]  # fmt: skip
 
 
@@ -321,6 +344,52 @@ def test_what_each_column_says_counts(
     points = [2, 3] if isinstance(found.mapping["response_point"], list) else 2
     with pytest.raises(Invalid, match=outcome):
         read(path, {**found.mapping, **DOFS, "response_point": points}, dry_run=False)
+
+
+@pytest.mark.parametrize(
+    ("heading", "unit"),
+    [("Scale;1;0.001;0.001\nf (Hz);Re (g/N);Im (g/N)", "0.001*g/N"), ("Type: Mobility\nf (Hz);Re;Im", "g/N")],
+)  # fmt: skip
+def test_the_unit_of_the_numbers_answers_what_a_file_leaves_open(
+    tmp_path: Path, heading: str, unit: str
+) -> None:
+    path = tmp_path / "H.csv"
+    rows = [";".join(map(repr, row)) for row in np.transpose([HZ, *PARTS_IN_G]).tolist()]
+    path.write_text("\n".join([heading, *rows]))
+    (found,) = read(path)
+    mapping = {**found.mapping, **DOFS}
+    with pytest.raises(
+        Invalid, match=r"/mapping/unit: is 'g/N \(Scale|/quantity: is accelerance, and"
+    ):
+        read(path, mapping, dry_run=False, quantity="accelerance")
+    (frf,) = read(path, {**mapping, "unit": unit}, dry_run=False)[1:]
+    factor = 1e-3 if "*" in unit else 1.0
+    np.testing.assert_allclose(decode(frf.spectrum), factor * H, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["gain", "Scale", "conversion_factor", "scale_factor"])
+def test_a_factor_beside_a_dataset_is_used_or_asked_for(tmp_path: Path, name: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "H.h5"
+    with h5py.File(path, "w") as file:
+        file["f"], file["H"] = HZ, H / GRAVITY
+        file["H"].attrs["unit"], file["H"].attrs[name] = "g/N", 10.0
+    (found,) = read(path)
+    if name == "scale_factor":  # netCDF says what it means
+        np.testing.assert_allclose(decode(imported(path)[0].spectrum), 10 * H, rtol=1e-6)
+        return
+    with pytest.raises(Invalid, match=rf"unit: is 'g/N \({name} = 10\)'.*, '10\*g/N'"):
+        read(path, {**found.mapping, **DOFS}, dry_run=False)
+    np.testing.assert_allclose(decode(imported(path, unit="10*g/N")[0].spectrum), 10 * H, rtol=1e-6)
+
+
+def test_spectra_of_two_sides_and_conjugates_are_known_by_what_they_say(tmp_path: Path) -> None:
+    sides, conjugate = tmp_path / "sides.mat", tmp_path / "conjugate.mat"
+    savemat(sides, {"f": 0.5 * np.arange(401), "H": np.r_[0, H, H[::-1].conj()], "unit": "g/N"})
+    with pytest.raises(Invalid, match=r"has two sides.* export the lower 201 of its 401 lines"):
+        imported(sides)
+    savemat(conjugate, {"f": HZ, "H_conj": H.conj(), "H_conj_unit": "m/s²/N"})
+    np.testing.assert_allclose(decode(imported(conjugate)[0].spectrum), H, rtol=1e-6)
 
 
 def test_values_that_run_along_lines_are_refused_with_the_way(tmp_path: Path) -> None:

@@ -514,3 +514,34 @@ def test_a_slow_group_beside_takes_no_rows_away(tmp_path: Path) -> None:
     mapping = completed({**found.mapping, "channels": found.mapping["channels"][:2]})
     force, response = found_in(path, mapping, dry_run=False)[1:]
     assert (force.samples.size, force.samples[3], response.samples[1]) == (64, 1.0, 1.5)
+
+
+BESIDE = [  # what a table states beside a hit, and what is refused or noted
+    ("Scale;1;10;1\nTime (s);Hammer (N);Acc (g)", r"channels/0/unit: is 'N \(Scale = 10\)'.*, '10\*N'"),
+    ("Offset;0;0;5\nTime (s);Hammer (N);Acc (g)", r"channels/1/unit: is 'g \(Offset = 5\)'"),
+    ("Gain;1;1;1\nTime (s);Hammer (N);Acc (g)", ""),
+    ("Time (s);Hammer (x10) (N);Acc (g)", r"channels/0/unit: is 'N \(x10\)'"),
+    ("Time (s);-Hammer (N);Acc (g)", r"channels/0/unit: is 'N \(inverted\)'"),
+    ("Time (s);-Z Hammer (N);Acc x12 (g)", ""),
+    ("Sample rate: 4096 Hz\nTime (s);Hammer (N);Acc (g)", "sample_rate_hz: is 2048 by .*, and the preamble states 4096"),
+    ("Number of samples: 4096\nTime (s);Hammer (N);Acc (g)", "note: the table has 2048: was it cut?"),
+    ("Window: Exponential, 5 1/s\nTime (s);Hammer (N);Acc (g)", "note: window_rate_per_s"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("heading", "outcome"), BESIDE)
+def test_what_stands_beside_a_hit_counts(tmp_path: Path, heading: str, outcome: str) -> None:
+    path, t = tmp_path / "hit.csv", np.arange(2048) / 2048
+    table = np.stack([t, 90 * np.exp(-(((t - 0.125) / 1e-3) ** 2)), np.sin(200 * t)], axis=1)
+    path.write_text("\n".join([heading, *(";".join(map(repr, row)) for row in table.tolist())]))
+    (found,) = found_in(path)
+    mapping = completed(found.mapping)
+    if outcome and not outcome.startswith("note"):
+        with pytest.raises(Invalid, match=outcome):
+            found_in(path, mapping, dry_run=False)
+        mapping |= {"sample_rate_hz": 2048}
+        for channel, unit in zip(mapping["channels"], ("N", "g"), strict=True):
+            channel["unit"] = unit
+    found, force, _ = found_in(path, mapping, dry_run=False)
+    assert force.samples.max() == pytest.approx(90, rel=1e-3)
+    assert outcome.removeprefix("note: ") in "; ".join(found.notes) or outcome[:4] != "note"

@@ -2,6 +2,7 @@
 that make or use them without it. `modalbase.formats.registry` has the table of formats.
 
 parts     real columns: real and imaginary parts, or magnitude and phase
+kinds     what FRFs are by the words of a file
 proposal  a mapping for arrays that do not say what they are
 npz, hdf5, csv, json, arrow, parquet, mat, uff
 """

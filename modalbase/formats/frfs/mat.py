@@ -24,7 +24,19 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.frfs.parts import PARTS, as_parts, combined, is_parts, unit_in_file
+from modalbase.formats.factors import factors_among, question
+from modalbase.formats.frfs.kinds import kind_by_words
+from modalbase.formats.frfs.parts import (
+    LINE_STEP,
+    PARTS,
+    UNITS,
+    as_parts,
+    combined,
+    is_conjugate,
+    is_parts,
+    names_of,
+    unit_in_file,
+)
 from modalbase.formats.frfs.proposal import is_empty, propose_frfs
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.arrays import Variables, is_named, variable
@@ -33,6 +45,7 @@ from modalbase.formats.types import FloatArray, Quantity
 from modalbase.formats.units import FORCE, RESPONSE, factor_of, read_unit, unit_beside, unread_unit
 
 _KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "unit", "factor")
+_FEWEST_MIRRORED, _ROUNDED = 8, 1e-5  # lines; of the largest value
 _SAME = 0.01  # by which a stated factor may differ from that of the unit
 Texts = Mapping[str, str]
 
@@ -70,7 +83,7 @@ def frfs_of(
         FormatError: as of `read_mat`; without a mapping it says which one the names and shapes
             suggest.
     """
-    texts = texts or {}
+    texts = {**(texts or {}), **factors_among(variables)}
     if document is None:
         proposed = propose_frfs(variables, texts)
         others = (
@@ -107,6 +120,9 @@ def frfs_of(
         if table.shape != values.shape:
             raise FormatError("mapping.coherence", f"has {len(table)} functions, frf {len(values)}")
         coherence = table
+    if frequency.size > 1 and np.all(np.diff(frequency) < 0):  # from the last line to the first
+        frequency, values = frequency[::-1], values[:, ::-1]
+        coherence = None if coherence is None else coherence[:, ::-1]
     what, factor = _scale(document, texts, quantity, otherwise)
     dofs = [_integers(variables, document.get(name, 3), len(values), name) for name in DOFS]
     if len(values) > 1 and all(len(each) == 1 for each in dofs):
@@ -171,12 +187,22 @@ def _scale(
     own = {unit_of.times(FORCE, -1): name for name, unit_of in RESPONSE.items()}
     if unit is None or unit.dimension not in own:
         if stated or (text and factor is None):
+            unknown = question(text)
             why = (
                 "which is no response over a force that is known here; state `unit`, such as g/N,"
                 " or `factor`"
             )
-            raise FormatError("mapping.unit", f"is {text!r}, {why}")
-        if (known := quantity or otherwise) is None:
+            raise FormatError(
+                "mapping.unit", f"is {text!r}: {unknown}" if unknown else f"is {text!r}, {why}"
+            )
+        if UNITS in texts and factor is None and not text:
+            raise FormatError(
+                "mapping.unit",
+                f"is missing: the columns state none, and {texts[UNITS]}; state that of the FRFs,"
+                " such as g/N",
+            )
+        words = [*texts.values(), *names_of(given, *given)]
+        if (known := kind_by_words(words, quantity) or otherwise) is None:
             raise FormatError(
                 "quantity",
                 "is missing: neither the request nor a unit says what the FRFs are; state it, or"
@@ -200,7 +226,7 @@ def _spectra(
     variables: Variables, document: dict[str, Any], texts: Texts
 ) -> tuple[np.ndarray[Any, np.dtype[np.complexfloating]], FloatArray]:
     """(N, L) values and the (L,) frequencies in Hz."""
-    axis = document["frequency_hz"]
+    axis, stated_step = document["frequency_hz"], ""
     named = (
         {name: axis[name] for name in axis.keys() - {"unit"}} if isinstance(axis, dict) else axis
     )
@@ -208,6 +234,7 @@ def _spectra(
         name = str(named["variable"])
         frequency = np.ravel(_real(variables, name, "frequency_hz")).astype(float)
         values = _frf(variables, document["frf"], frequency.size, texts)
+        stated_step = texts.get(LINE_STEP, "")
     elif isinstance(named, dict) and {"start", "step"} <= named.keys() <= {
         "start",
         "step",
@@ -252,7 +279,45 @@ def _spectra(
             "mapping.frequency_hz.unit",
             f"is {stated!r}, and the file says {in_file!r}; which is right?",
         )
-    return values, frequency * factor
+    frequency = frequency * factor
+    _require_step(frequency, stated_step)
+    _refuse_mirrored(values)
+    return values, frequency
+
+
+def _require_step(frequency: FloatArray, stated: str) -> None:
+    """Refuse lines that are further apart, or nearer, than a line above the table states.
+
+    Raises:
+        FormatError: as it says.
+    """
+    expected, _, words = stated.partition(" Hz; ")
+    step = float(np.median(np.abs(np.diff(frequency)))) if frequency.size > 1 else 0.0
+    if expected and step and abs(step - float(expected)) > _SAME * step:
+        raise FormatError(
+            "mapping.frequency_hz",
+            f"has lines {step:g} Hz apart, and {words}; which is right? State"
+            ' {"start": …, "step": …}, or correct that line',
+        )
+
+
+def _refuse_mirrored(values: np.ndarray[Any, Any]) -> None:
+    """Refuse spectra with lines of two sides, whose upper half repeats the lower one.
+
+    Raises:
+        FormatError: as it says.
+    """
+    lines = values[:, 1:]  # but the first, 0 Hz
+    if not np.any(lines.imag):
+        return
+    size = np.abs(lines).max(initial=0.0)
+    is_long = values.shape[1] >= _FEWEST_MIRRORED and np.isfinite(size)
+    if is_long and np.allclose(lines, lines[:, ::-1].conj(), 0, _ROUNDED * size):
+        raise FormatError(
+            "mapping.frf",
+            f"has two sides: its upper lines repeat the lower ones as conjugates; export the lower"
+            f" {values.shape[1] // 2 + 1} of its {values.shape[1]} lines",
+        )
 
 
 def _number(variables: Variables, given: Any, field: str) -> float:
@@ -300,6 +365,7 @@ def _frf(
             " magnitude and phase",
         )
     table = _rows(values, lines, "frf")
+    table = table.conj() if is_conjugate(given["variable"]) else table
     return table if table.dtype == np.complex64 else table.astype(np.complex128)
 
 

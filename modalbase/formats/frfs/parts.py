@@ -21,6 +21,8 @@ from modalbase.formats.tables import TextTable
 from modalbase.formats.units import (
     FORCE,
     RESPONSE,
+    angle_of,
+    decibels_in,
     factor_of,
     level_of,
     read_unit,
@@ -38,14 +40,22 @@ _WORDS: dict[Part, tuple[str, ...]] = {
     "magnitude": ("mag", "amp", "betrag", "modul", "abs", "gain"),
 }
 _FREQUENCY = ("freq", "fréq", "frequenz")
-_ANGLES = {
-    **dict.fromkeys(("rad", "radian", "radians"), 1.0),
-    **dict.fromkeys(("deg", "°", "degree", "degrees", "grad", "gradi", "grados"), np.pi / 180),
-}
 _LOGARITHM = re.compile(r"(?<![^\W\d_])(?:log|lg)(?![a-z])(?! *(?:#|no|nr|\d+$))", re.IGNORECASE)
+_SQUARE = re.compile(
+    r"(?<![^\W_])(?:squared?|quadr\w*|power|sq)(?![^\W_])|[|)](?:²|\^2)"
+    r"|(?<!\d)10\s*[*·×]?\s*(?:log|lg)",
+    re.IGNORECASE,
+)
+_NEGATIVE = re.compile(
+    r"^\s*[-−–]\s*(?=[^\W\d_])|(?<![^\W_])(?:lag|neg(?:ative|ated)?|inverted)(?![^\W_])",
+    re.IGNORECASE,
+)
+_CONJUGATE = re.compile(r"(?<![^\W_])(?:conj(?:ugated?)?|konjugiert)(?![^\W_])", re.IGNORECASE)
 _LARGEST_STEP = 1.01 * 2 * np.pi  # between the phases of neighbouring lines, rad
 _PAIR = re.compile(r"([\w.:+-]+)\s*/\s*([\w.:+-]+)")
 Texts = Mapping[str, str]
+WORDS, LINE_STEP, UNITS = "preamble", "preamble.line_step", "preamble.units"
+"""What a table states above its data: its words, the step between its lines, units of whatever."""
 
 
 def texts_of(table: TextTable) -> dict[str, str]:
@@ -53,6 +63,12 @@ def texts_of(table: TextTable) -> dict[str, str]:
     where its headings name one pair, such as `2:+Z/1:+Z`, or the columns one for each FRF.
     """
     texts = {f"{name}_unit": unit for name, unit in table.units.items()}
+    texts[WORDS] = "\n".join(table.layout.preamble)
+    if table.layout.units_above:
+        texts[UNITS] = table.layout.units_above[0]
+    if table.layout.line_step_hz:
+        step, stated = table.layout.line_step_hz
+        texts[LINE_STEP] = f"{step!r} Hz; {stated.words}"
     pairs = _pairs_in(table.names) or _pairs_in(table.layout.preamble)
     if pairs and (len(pairs) == 1 or _pairs_in(table.names)):
         texts["heading.response"], texts["heading.reference"] = (
@@ -182,7 +198,7 @@ def unit_of_values(text: str, name: str = "") -> str:
     >>> unit_of_values("", "H1 [dB re 1 g/N]"), unit_of_values("m/s²", "H1 dB//1 (m/s²)/N")
     ('g/N', '(m/s²)/N')
     """
-    level = level_of(text or _brackets_with_decibels(name))
+    level = level_of(text or decibels_in(name))
     in_name = level_of(name) or ""
     if level is None and read_unit(in_name):
         return in_name
@@ -204,17 +220,25 @@ def as_parts(given: Any) -> Any:
 def combined(
     one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mapping[str, Any], texts: Texts
 ) -> Any:
-    """(N, L) complex values of their two parts.
+    """(N, L) complex values of their two parts. A column that its name says to be negative, such as
+    `-Phase` or `Phase lag`, counts so.
 
     Raises:
         FormatError: a scale or phase unit is missing, unknown, or contradicts the file.
     """
-    if "real" in given:
+    first, second = next(pair for pair in PARTS if pair[0] in given)
+    one, two = one * _signs(given, first, len(one)), two * _signs(given, second, len(two))
+    if first == "real":
         return one + 1j * two
     scale = given.get("scale")
     own = _one_of_all(names_of(given), lambda name: _stated_scale(name, texts), str)
     if scale not in (None, "linear", "dB"):
         raise FormatError("mapping.frf.scale", f"is {scale!r}, expected linear or dB")
+    if square := [n for n in names_of(given) if _SQUARE.search(n)]:
+        raise FormatError(
+            "mapping.frf.magnitude",
+            f"is {square[0]!r}, a square; export amplitudes, or take its root and name it so",
+        )
     if not scale and not own and (log := [n for n in names_of(given) if _LOGARITHM.search(n)]):
         raise FormatError(
             "mapping.frf.scale", f"is empty, and {log[0]!r} names a logarithm; state linear or dB"
@@ -225,13 +249,11 @@ def combined(
         )
     stated, in_file = (
         given.get("phase_unit"),
-        _one_of_all(
-            names_of(given, "phase"), lambda name: _stated_angle(name, texts), _ANGLES.__getitem__
-        ),
+        _one_of_all(names_of(given, "phase"), lambda name: _stated_angle(name, texts), angle_of),
     )
     step = float(np.max(np.abs(np.diff(two, axis=1)), initial=0.0))
     no_radians = step > _LARGEST_STEP
-    if no_radians and _ANGLES.get(str(stated or in_file).lower()) == 1.0:
+    if no_radians and angle_of(str(stated or in_file)) == 1.0:
         raise FormatError(
             "mapping.frf.phase_unit",
             f"is {stated or in_file}, and neighbouring lines differ by {step:.3g}, more than the"
@@ -242,9 +264,12 @@ def combined(
         raise FormatError(
             "mapping.frf.phase_unit", "is empty, and the file states none; state deg or rad"
         )
-    if (factor := _ANGLES.get(str(unit).lower())) is None:
-        raise FormatError("mapping.frf.phase_unit", f"is {unit!r}, expected deg or rad")
-    if in_file and not no_radians and _ANGLES[in_file.lower()] != factor:
+    if (factor := angle_of(str(unit))) is None:
+        raise FormatError(
+            "mapping.frf.phase_unit",
+            f"is {unit!r}, expected deg or rad (mrad, gon, cycles, π rad)",
+        )
+    if in_file and not no_radians and angle_of(in_file) != factor:
         raise FormatError(
             "mapping.frf.phase_unit", f"is {unit}, and the file says {in_file}; which is right?"
         )
@@ -257,13 +282,33 @@ def combined(
     return magnitude * np.exp(1j * factor * two)
 
 
+def _signs(given: Mapping[str, Any], part: Part, count: int) -> np.ndarray[Any, Any]:
+    """(count, 1) of the columns of a part, or of one that holds them all."""
+    signs = np.array([[sign_of(name, part)] for name in names_of(given, part)])
+    return signs if len(signs) == count else np.repeat(signs[:1], count, axis=0)
+
+
+def sign_of(name: str, part: Part) -> float:
+    """−1 of a column that holds the negative of a part, by its name; else 1.
+
+    >>> [sign_of(name, "phase") for name in ("-Phase (deg)", "Phase lag", "neg_phase_rad", "H1-Phase")]
+    [-1.0, -1.0, -1.0, 1.0]
+    >>> sign_of("Re conj(H)", "real"), sign_of("Im conj(H)", "imaginary"), sign_of("−Im", "imaginary")
+    (1.0, -1.0, -1.0)
+    """
+    bare = unit_in_name(name)[0]
+    negative = part != "magnitude" and _NEGATIVE.search(bare) is not None
+    turned = part in ("imaginary", "phase") and is_conjugate(bare)
+    return 1.0 if negative == turned else -1.0
+
+
+def is_conjugate(name: str) -> bool:
+    """Whether an array holds conjugates of FRFs, by its name."""
+    return _CONJUGATE.search(name) is not None
+
+
 def _text_beside(name: str, texts: Texts) -> str:
-    return unit_beside(name, texts) or _brackets_with_decibels(name)
-
-
-def _brackets_with_decibels(name: str) -> str:
-    match = re.search(r"[(\[](\s*dB.*)[)\]]", name, re.IGNORECASE)
-    return match[1] if match and level_of(match[1]) is not None else ""
+    return unit_beside(name, texts) or decibels_in(name)
 
 
 def _stated_scale(name: str, texts: Texts) -> str | None:
@@ -277,13 +322,13 @@ def _stated_scale(name: str, texts: Texts) -> str | None:
 def _stated_angle(name: str, texts: Texts) -> str | None:
     """The unit of a phase in the file's words."""
     words = re.findall(r"[a-zπ]+|°", f"{_text_beside(name, texts)} {name}".lower())
-    if {"pi", "π"} & set(words):  # of a phase in half turns, which is asked for
-        return None
-    return next((word for word in words if word in _ANGLES), None)
+    if {"pi", "π"} & set(words):
+        return "π rad"
+    return next((word for word in words if angle_of(word) is not None), None)
 
 
 def _part_of(name: str, texts: Texts) -> Part | None:
-    if _text_beside(name, texts).lower() in _ANGLES:
+    if angle_of(_text_beside(name, texts) or unit_in_name(name)[1]) is not None:
         return "phase"
     if level_of(_text_beside(name, texts)) is not None:
         return "magnitude"

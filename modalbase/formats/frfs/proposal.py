@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.dof_names import dof_in_name
+from modalbase.formats.factors import factors_among
 from modalbase.formats.frfs.parts import (
     is_frequency,
     names_of,
@@ -54,7 +55,7 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
         variables: arrays of the file.
         texts: texts of the file by name.
     """
-    texts = texts or {}
+    texts = {**(texts or {}), **factors_among(variables)}
     mapping: dict[str, Any] = {"frequency_hz": _axis(variables, texts)}
     complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
     frf = min(
@@ -144,7 +145,9 @@ def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | No
     units = {name: unit for name in variables if (unit := unit_beside(name, texts))}
     lines.sort(key=lambda name: not is_frequency(name, units))
     lines += [
-        name for name, array in variables.items() if is_frequency(name, units) and _rises(array)
+        name
+        for name, array in variables.items()
+        if is_frequency(name, units) and (_rises(array) or _rises(np.ravel(array)[::-1]))
     ]
     lines += [
         name for name, array in variables.items() if "omega" in name.lower() and _rises(array)

@@ -20,6 +20,9 @@ Variables = dict[str, np.ndarray[Any, Any]]
 SAMPLE_RATE = "sample_rate_hz"
 """Name of the variable that a wav file's own sampling rate becomes."""
 
+PREAMBLE_RATE = "preamble@rate"
+"""Name of the rate that lines above a table state beside its time axis."""
+
 MOST_COLUMNS = 1000
 """Of a matrix whose columns are channels."""
 _COLUMN = re.compile(r"(.+) column ([1-9]\d*)", re.DOTALL)
@@ -232,7 +235,15 @@ def sampling_rate(
         if values.size == 1:
             rate = float(values[0]) * _factor_of(given, "frequency", units or {})
         elif values.size == samples:
-            return axis_rate(given, [values], samples, units)
+            rate = axis_rate(given, [values], samples, units)
+            stated = float(variables.get(PREAMBLE_RATE, np.array(rate)).item())
+            if abs(rate - stated) > _OTHER_RATE * rate:
+                raise FormatError(
+                    "mapping.sample_rate_hz",
+                    f"is {rate:g} by {given}, and the preamble states {stated:g}; state the one that"
+                    " is right as a number",
+                )
+            return rate
         else:
             raise FormatError(
                 given, f"has {values.size} values, expected the rate or a time axis of {samples}"

@@ -13,6 +13,7 @@ from typing import IO, Any, cast
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.factors import factors_among
 from modalbase.formats.npy import ARRAY, Head, arrays_of, head_of, named, read_array
 from modalbase.formats.records.arrays import (
     Variables,
@@ -71,7 +72,7 @@ class NpzRecording:
             for name, array in self.small.items()
             if array.dtype.kind == "U"
         }
-        return units_beside(self.channels, texts)
+        return units_beside(self.channels, texts | factors_among(self.small))
 
     @property
     def numbers(self) -> Variables:

@@ -23,7 +23,7 @@ from modalbase.formats.records.arrays import (
 from modalbase.formats.records.mapping import FEWEST_SAMPLES
 from modalbase.formats.records.recording import AnyRecording
 from modalbase.formats.records.scale import SI, units_of
-from modalbase.formats.units import VOLTAGE, read_unit, unit_beside, unit_in_name
+from modalbase.formats.units import VOLTAGE, Measured, read_unit, unit_beside, unit_in_name
 
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
     "force": ("force", "hammer", "exc", "kraft", "marteau"),
@@ -186,7 +186,9 @@ def units_beside(names: Iterable[str], texts: Mapping[str, str]) -> dict[str, st
     >>> units_beside(["y column 1", "y column 2"], {"y_unit": "N\ng"})
     {'y column 1': 'N', 'y column 2': 'g'}
     """
-    stated = {name: _line_of(name, unit_beside(array_of(name), texts)) for name in names}
+    stated = {
+        name: _line_of(name, unit_beside(array_of(name), texts, _of_axis(name))) for name in names
+    }
     return {
         name: text
         for name, text in stated.items()
@@ -197,6 +199,11 @@ def units_beside(names: Iterable[str], texts: Mapping[str, str]) -> dict[str, st
             and unit.quantity in SI
         )
     }
+
+
+def _of_axis(name: str) -> Measured | None:
+    """What a time axis or a sampling rate is, by its name; None of others."""
+    return "time" if is_time(name) else "frequency" if rate_among([name]) else None
 
 
 def _line_of(name: str, text: str) -> str:

@@ -11,12 +11,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.factors import factor_beside, question, split_factor, with_factor
 from modalbase.formats.records.arrays import array_of
 from modalbase.formats.units import DIMENSIONS, VOLTAGE, Unit, known_units, read_unit, unit_in_name
 
 _SAME = 0.01  # by which a stated sensitivity may differ from what the unit says
 _NUMBER = re.compile(r"(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER.pattern})\s*(\S.*?)\s*")
+_INVERTED = re.compile(
+    r"^\s*[-−–]\s*(?![xyz]\b)[^\W\d_]{2}|\binvert|\bnegated", re.IGNORECASE
+)  # of a channel's name; "-Z" is its direction
 SI = {"force": "N", "acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
 """The unit of each quantity that blocks are stored in."""
 
@@ -32,8 +36,8 @@ def units_of(name: str, quantity: Any, stated: Mapping[str, str]) -> tuple[str, 
 
     >>> units_of("Log/ACC (g)", "acceleration", {"Log/ACC (g)": "m/s^2"}), units_of("ACC", "acceleration", {})
     (('m/s^2', 'g'), ())
-    >>> units_of("acc_g column 3", "acceleration", {})
-    ('g',)
+    >>> units_of("acc_g column 3", "acceleration", {}), units_of("-Kraft (N)", "force", {})
+    (('g',), ('N (inverted)',))
 
     Args:
         name: of the channel.
@@ -41,12 +45,13 @@ def units_of(name: str, quantity: Any, stated: Mapping[str, str]) -> tuple[str, 
             acceleration.
         stated: units in the file's properties, by channel.
     """
-    own, named = (
-        stated.get(name, "").strip(),
-        unit_in_name(array_of(name), quantity if quantity in DIMENSIONS else None)[1],
-    )
-    texts = [text for text in (own, named) if text]
-    return tuple(texts[:1] if len({read_unit(text) or text for text in texts}) == 1 else texts)
+    own, factor = split_factor(stated.get(name, "").strip())
+    array = array_of(name)
+    named = unit_in_name(array, quantity if quantity in DIMENSIONS else None)[1]
+    factor = factor or factor_beside(array, {}) or ("inverted" if _INVERTED.search(array) else "")
+    texts = [text for text in (own, named) if text] or [""] * bool(factor)
+    alike = len({read_unit(text) or text for text in texts}) == 1
+    return tuple(with_factor(text, factor) for text in (texts[:1] if alike else texts))
 
 
 def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: str) -> float:
@@ -63,6 +68,8 @@ def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: st
     """
     text = _unit(channel, in_file, place)
     unit, quantity, given = read_unit(text), channel["quantity"], channel.get("sensitivity")
+    if unknown := question(text, SI[quantity]):
+        raise FormatError(f"{place}.unit", f"is {text!r}: {unknown}")
     if isinstance(given, str) and _NUMBER.fullmatch(given.strip()):
         given = float(given.replace(",", "."))
     if unit is not None and unit.dimension == DIMENSIONS[quantity]:

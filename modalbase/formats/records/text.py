@@ -5,12 +5,17 @@ recording.
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import NO_NUMBERS, SAMPLE_RATE, Variables, sampling_rate
+from modalbase.formats.records.arrays import (
+    NO_NUMBERS,
+    PREAMBLE_RATE,
+    SAMPLE_RATE,
+    Variables,
+    sampling_rate,
+)
 from modalbase.formats.records.proposal import is_time
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.tables import Stated, TextTable, open_table
@@ -48,6 +53,13 @@ class TextRecording:
     def rate_hz(self) -> float | None:
         """The sampling rate that a preamble states of a table without a time axis."""
         return None if self._axes else self.table.layout.sample_rate_hz
+
+    @property
+    def _rates(self) -> Variables:
+        """The rate that a preamble states, by its name as a variable."""
+        stated = self.table.layout.sample_rate_hz
+        name = PREAMBLE_RATE if self._axes else SAMPLE_RATE
+        return {} if stated is None else {name: np.array(stated)}
 
     @property
     def _axes(self) -> list[str]:
@@ -136,7 +148,7 @@ class TextRecording:
             FormatError: it is no rate, or the channels are on several clocks.
         """
         self.require_one_axis(names, mapped=stated if isinstance(stated, str) else None)
-        own: Variables = {} if self.rate_hz is None else {SAMPLE_RATE: np.array(self.rate_hz)}
+        own = self._rates
         if isinstance(stated, str) and stated in self.names:
             own[stated] = np.concatenate([part[0] for part in self.chunks([stated])])
         samples = own[stated].size if isinstance(stated, str) and stated in own else 0
@@ -146,8 +158,7 @@ class TextRecording:
         """All columns, and the rate that the preamble states. NaN where a cell is empty."""
         parts = [np.frombuffer(part) for part in self.table.parts(self.names)]
         rows = (np.concatenate(parts) if len(parts) > 1 else parts[0]).reshape(-1, len(self.names))
-        rate: dict[str, Any] = {} if self.rate_hz is None else {SAMPLE_RATE: np.array(self.rate_hz)}
-        return {**rate, **dict(zip(self.names, rows.T, strict=True))}
+        return {**self._rates, **dict(zip(self.names, rows.T, strict=True))}
 
 
 def open_recording(path: Path, stated: Stated = Stated()) -> TextRecording:  # noqa: B008 - frozen

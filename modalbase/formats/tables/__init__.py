@@ -3,7 +3,8 @@ read by it.
 
 numbers   one cell: a number, a time of day, a date, nothing, or words
 layout    what the lines of a table are: its encoding, separator, decimal sign, headings, units, and where data begin
-preamble  what lines above the data say: units, a sampling rate
+preamble  what lines above the data state: units, factors, a sampling rate
+sizes     sizes of a specimen among it
 reader    the rows of a table, line by line, and its columns as arrays
 
 Nothing here imports numpy: the command reads points by it.

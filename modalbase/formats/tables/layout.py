@@ -6,8 +6,8 @@
 3. The lines right above are headings: names, and a line of units below or above them; a second line
    of names counts where names are missing or come twice. Without any, columns are called "column
    1", "column 2" ….
-4. What stands above is a preamble: a line of units with a label before them (LabVIEW's
-   `Y_Unit_Label`) and a sampling rate are taken from it.
+4. What stands above is a preamble: what it states of the columns and of the whole table is used,
+   see `preamble`.
 
 Comment signs (#, %) before a line do not count, so that a heading may be a comment; a number behind
 one is no datum.
@@ -25,18 +25,27 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.tables.numbers import Kind, is_complex, is_number, kind_of, number_reader
 from modalbase.formats.tables.preamble import (
     Row,
+    Statement,
     bare_unit,
+    cells_of_units,
+    columns_stated,
+    count_of,
     is_units,
-    labelled_units,
+    line_step_of,
     padded,
     rate_of,
+    statements_of,
+    units_above,
+    windows_of,
 )
 from modalbase.formats.units import level_of, read_unit
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "blank": " ", "comma": ","}
 """Names of separators, the likelier first: where two split a table alike, the first counts."""
 
-ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp850")
+ENCODINGS = (
+    "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp850", "shift_jis"
+)  # fmt: skip
 _COMMENTS = "#%"
 _MOST_WORDS = 200  # of a preamble that are looked at
 _MOST_HEADINGS = 5
@@ -92,6 +101,7 @@ class TableColumn:
     name: str
     unit: str = ""  # in the file's words, of a line of units; one in the heading stays in the name
     is_time: bool = False  # times of day, which become seconds since the first
+    factor: str = ""  # that a line above states beside the unit, see `modalbase.formats.factors`
 
 
 @dataclass(frozen=True)
@@ -106,7 +116,12 @@ class Layout:
     units_line: int | None
     first_line: int  # of the data
     preamble: tuple[str, ...] = ()  # its cells, and those of headings
-    sample_rate_hz: float | None = None  # that the preamble states
+    # what the preamble states: a sampling rate; and with its line the step between lines of a
+    # spectrum, Hz, and how many lines there are
+    sample_rate_hz: float | None = None
+    line_step_hz: tuple[float, Statement] | None = None
+    count: tuple[int, Statement] | None = None
+    units_above: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
     def described(self, encoding: str) -> dict[str, Any]:
@@ -279,9 +294,10 @@ class _Split:
         names, units, units_row = self._names(headings)
         top = min((row.line for row in headings), default=data[0].line)
         preamble = [row for row in self.rows[:first] if row.line < top]
-        units = labelled_units(preamble, units)
+        stated_above = statements_of(preamble, self.separator)
+        units, factors = columns_stated(stated_above, names, units, places)
         columns = tuple(
-            TableColumn(i, names[i], units[i], is_time=self.kinds[i] == "time") for i in places
+            TableColumn(i, names[i], units[i], self.kinds[i] == "time", factors[i]) for i in places
         )
         left_out = [
             f"column {names[i]!r} holds {k}s, and is left out"
@@ -299,8 +315,11 @@ class _Split:
             preamble=tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[
                 :_MOST_WORDS
             ],
-            sample_rate_hz=rate_of(preamble, self.separator),
-            notes=tuple(left_out),
+            sample_rate_hz=rate_of(stated_above, self.separator),
+            line_step_hz=line_step_of(stated_above, self.separator),
+            units_above=units_above(stated_above),
+            count=count_of(stated_above, self.separator),
+            notes=(*left_out, *windows_of(stated_above)),
         )
 
     def _first(self, stated: Stated) -> int:
@@ -374,7 +393,7 @@ class _Split:
             names.append(name if seen[name] == 1 else f"{name} {seen[name]}")
         units = [
             cell if read_unit(cell) or level_of(cell) is not None else ""
-            for cell in padded(units_row, width)
+            for cell in cells_of_units(units_row, width)
         ]
         return names, [bare_unit(unit) for unit in units], units_row
 

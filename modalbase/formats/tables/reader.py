@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, BinaryIO
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.factors import with_factor
 from modalbase.formats.tables.layout import (
     SEPARATORS,
     Layout,
@@ -25,6 +26,7 @@ from modalbase.formats.tables.layout import (
 )
 from modalbase.formats.tables.numbers import Clock, is_number, number_reader, number_text
 from modalbase.formats.tables.preamble import Row
+from modalbase.formats.units import unit_in_name
 
 _HEAD_LINES = 4000  # by which the layout is found
 _PART_BYTES = 1 << 20
@@ -78,7 +80,8 @@ def encoding_of(file: BinaryIO) -> str:
         file.seek(0)
         return name
     raise FormatError("file", f"is not the {marked} text that it begins as" if marked else
-                      "is neither UTF-8, UTF-16 nor cp1252 text; export it as UTF-8")  # fmt: skip
+                      "is neither UTF-8, UTF-16 nor cp1252 text; export it as UTF-8, or state `encoding` of the table in"
+                      " the mapping, such as shift_jis")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -97,8 +100,14 @@ class TextTable:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of columns in the file's words, where a line of units states them."""
-        stated = {column.name: column.unit for column in self.layout.columns if column.unit}
+        """Units of columns in the file's words, where a line of units states them, or a factor
+        beside them.
+        """
+        stated = {
+            column.name: with_factor(column.unit or unit_in_name(column.name)[1], column.factor)
+            for column in self.layout.columns
+            if column.unit or column.factor
+        }
         return stated | {column.name: "s" for column in self.layout.columns if column.is_time}
 
     def parts(self, names: list[str], rows: int = 1 << 16) -> Iterator["array[float]"]:
@@ -259,7 +268,7 @@ class _Reader:
         places = [column.place for column in self._columns]
         is_plain = not any(column.is_time for column in self._columns)
         least = max(column.place for column in layout.columns) + 1
-        blank_separated = separator == " "
+        blank_separated, number = separator == " ", 0
         for number, line in enumerate(text, 1):
             if number < layout.first_line:
                 continue
@@ -276,8 +285,13 @@ class _Reader:
                 yield values
         if self._remark is not None:
             more = f", and {self._remarks - 1} more such lines" if self._remarks > 1 else ""
-            note = f"line {self._remark[0]}: {self._remark[1]!r} stands behind the data{more}"
-            self._notes.extend([] if note in self._notes else [note])
+            self._note(f"line {self._remark[0]}: {self._remark[1]!r} stands behind the data{more}")
+        rows = number - layout.first_line + 1
+        if layout.count and rows < layout.count[0] - 1:
+            self._note(f"{layout.count[1].words}, and the table has {rows}: was it cut?")
+
+    def _note(self, note: str) -> None:
+        self._notes.extend([] if note in self._notes else [note])
 
     def _row(self, number: int, line: str) -> list[float] | None:
         row = row_of(line, number, self._layout.separator)

@@ -9,6 +9,8 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from modalbase.formats.factors import factor_beside
+from modalbase.formats.frfs.kinds import kinds_in
 from modalbase.formats.types import ComplexArray, Quantity
 from modalbase.formats.uff.content import Axis, Frf, Function, Limits, Units
 from modalbase.formats.uff.function import RawFunction, fits_single
@@ -22,6 +24,7 @@ from modalbase.formats.units import (
     Dimension,
     Unit,
     factor_of,
+    level_of,
     read_unit,
     without_amplitude,
 )
@@ -30,6 +33,7 @@ RESPONSE_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "acc
 _FORCE_TYPES = (9, 13)
 UNSTATED_TYPES = (0, 1)
 _FREQUENCY_TYPES = (*UNSTATED_TYPES, 18)
+_SCALED = re.compile(r"10|\de[+-]?\d", re.IGNORECASE)
 _GRAVITY = re.compile(r"(?i)(?<![a-z])(g|gn|g's)(?![a-z])")
 
 
@@ -91,6 +95,8 @@ def frf_of(
     if raw.values.dtype.kind != "c":
         raise Refusal("is an FRF with real ordinates: without phase it is of no use")
     frequency = frequency_of(raw, notes)
+    if stated := factor_beside(raw.id_lines[0], {}):
+        notes.append(f"its first ID line says {stated}; its values are taken as they stand")
     quantity, factor = _quantity_and_factor(raw, units, limits, notes)
     dofs = global_dofs(raw, geometry, notes)
     double = raw.values.astype(np.complex128, copy=factor != 1.0)
@@ -224,7 +230,12 @@ def _quantity(
         raise Refusal(
             f"its ordinate is in '{raw.ordinate.unit}', which is no unit of an FRF's response", 8
         )
+    named = kinds_in([raw.ordinate.name, f"{raw.ordinate.name} / force"])
     if by_type is not None:
+        if named and by_type not in named:
+            raise Refusal(
+                f"its data type says {by_type}, its name {raw.ordinate.name!r} another", 8
+            )
         return by_type, False
     if limits.quantity is None:
         raise Refusal(
@@ -251,6 +262,12 @@ def _ratio(
         if side.label is not None and side.label.dimension != dimension:
             raise Refusal(f"the unit '{side.text}' of its {name} does not fit its data type")
         if side.label is None:
+            if level_of(side.text) is not None or _SCALED.search(side.text):
+                raise Refusal(
+                    f"its {name} is in '{side.text}', which is read as no unit: export complex values"
+                    " on a linear scale, in a unit without a factor",
+                    8,
+                )
             by = (
                 "SI (the file has no set 164)"
                 if units is None

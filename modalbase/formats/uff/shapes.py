@@ -2,6 +2,8 @@
 apply to them.
 """
 
+import re
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -23,6 +25,16 @@ _ANALYSES = {
 _REAL, _COMPLEX = (ORDINATE_TYPES[kind, False] for kind in "fc")
 _PER_ROW = 6
 _MUCH_DAMPED = 0.2  # a ratio above which per cent may have been written
+_MODE_ROUNDED, _DAMPING_ROUNDED = 0.01, 0.06
+"""By which a frequency or damping ratio in words may differ: rounded to a digit or two, damped or
+undamped.
+"""
+_IN_HZ = re.compile(r"eigen(?:value|wert)s?[^;]{0,20}\bHz\b", re.IGNORECASE)
+_IN_IDS = {
+    "Hz": re.compile(r"(?:freq\w*\.?\s*[:=]?\s*|\bf\w*\s*=\s*)(\d+[.,]?\d*)\s*Hz", re.IGNORECASE),
+    "%": re.compile(r"damp\w*\.?\s*(?:ratio)?\s*[:=]?\s*(\d+[.,]?\d*)\s*%", re.IGNORECASE),
+}
+"""How ID lines state a frequency and a damping ratio."""
 _WIDTH = 13
 _TRANSLATIONS, _WITH_ROTATIONS = 2, 3
 
@@ -55,6 +67,7 @@ def read_55(body: bytes, dataset: int) -> Parsed:
         frequency, damping, notes = _normal_mode(numbers[0], viscous, hysteretic)
     else:
         frequency, damping, notes = _complex_mode(numbers[0], numbers[1])
+    frequency, damping = _held_to_ids(ids, frequency, damping, notes)
     points, values = _nodes(cursor, components, values_are_complex)
     shape = ModeShape(
         dataset, ids[0], mode, frequency, damping, points, values=values, kind=_KINDS[analysis]
@@ -75,8 +88,7 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     (location,) = cursor.integers(cursor.next("the location of the data"), ["location of the data"])
     if location != 1:
         raise SkippedDataset(f"its data are not at nodes (location {location})")
-    for _ in range(5):
-        cursor.next("the ID lines")
+    ids = [label, *(decoded(cursor.next("the ID lines")) for _ in range(5))]
     analysis, components, values_are_complex = _definition(cursor, "2414")
     row = cursor.next("the analysis parameters")
     mode = cursor.integers(row, ["", "", "", "", "", "mode number"])[5]
@@ -88,7 +100,10 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     if analysis == _NORMAL or not any(eigenvalue):
         frequency, damping, notes = _normal_mode(frequency, viscous, hysteretic)
     else:
+        stated = frequency, viscous
         frequency, damping, notes = _complex_mode(*eigenvalue)
+        _require_same(frequency, damping, *stated)
+    frequency, damping = _held_to_ids(ids, frequency, damping, notes)
     points, values = _nodes(cursor, components, values_are_complex)
     shape = ModeShape(
         dataset, label, mode, frequency, damping, points, values=values, kind=_KINDS[analysis]
@@ -113,7 +128,8 @@ def _definition(cursor: Cursor, dataset_type: str) -> tuple[int, int, bool]:
     )
     if analysis not in _KINDS:
         raise SkippedDataset(
-            f"its data are {_ANALYSES.get(analysis, f'of analysis type {analysis}')}, no mode shape"
+            f"its data are {_ANALYSES.get(analysis, f'of analysis type {analysis}')}, no mode shape;"
+            " a mode shape has analysis type 2 (normal mode) or 3 (complex eigenvalue)"
         )
     if characteristic not in (_TRANSLATIONS, _WITH_ROTATIONS):
         raise SkippedDataset(f"its data characteristic is {characteristic}, no displacement (2, 3)")
@@ -173,6 +189,54 @@ def _complex_mode(real_part: float, imaginary_part: float) -> tuple[float, float
         [] if real_part <= 0 else [f"its eigenvalue has a positive real part, {real_part:g} rad/s"]
     )
     return size / (2 * np.pi), -real_part / size, notes
+
+
+def _require_same(frequency: float, damping: float, stated: float, viscous: float) -> None:
+    """Refuse an eigenvalue beside which a set states another frequency or damping ratio.
+
+    Raises:
+        Refusal: as it says.
+    """
+    if stated > 0 and abs(frequency / stated - 1) > _MODE_ROUNDED:
+        raise Refusal(
+            f"its eigenvalue makes {frequency:.6g} Hz, and its frequency is {stated:.6g} Hz; an"
+            " eigenvalue is in rad/s"
+        )
+    if viscous > 0 and abs(damping - viscous) > _DAMPING_ROUNDED * viscous:
+        raise Refusal(
+            f"its eigenvalue makes a damping ratio of {damping:.4g}, and its viscous one is"
+            f" {viscous:.4g}; which is right?"
+        )
+
+
+def _held_to_ids(
+    ids: Sequence[str], frequency: float, damping: float, notes: list[str]
+) -> tuple[float, float]:
+    """Frequency and damping ratio where the ID lines do not contradict them; a damping ratio that
+    these alone state is taken.
+
+    Raises:
+        Refusal: they state others, or an eigenvalue in Hz.
+    """
+    text = "; ".join(ids)
+    if _IN_HZ.search(text):
+        raise Refusal("its ID lines say that its eigenvalue is in Hz; the format has it in rad/s")
+    stated = {"Hz": frequency, "%": 100 * damping}
+    for unit, value in stated.items():
+        matches = {float(match[1].replace(",", ".")) for match in _IN_IDS[unit].finditer(text)}
+        if len(matches) != 1:
+            continue
+        own = matches.pop()
+        if np.isnan(value):
+            notes.append(f"its damping ratio is taken from its ID lines: {own:g} %")
+            damping = own / 100
+        elif abs(value - own) > (_MODE_ROUNDED if unit == "Hz" else _DAMPING_ROUNDED) * own:
+            raise Refusal(
+                f"its parameters make {value:.5g} {unit}, and its ID lines say {own:g} {unit};"
+                " frequencies are in Hz, eigenvalues in rad/s, damping ratios no per cent: correct"
+                " the one that is wrong"
+            )
+    return frequency, damping
 
 
 def _nodes(

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from statistics import fmean
 from typing import Any, cast
 
 import numpy as np
@@ -25,6 +26,7 @@ from modalbase.formats.machine_csv import (
     factor,
     read_machine_csv,
 )
+from modalbase.formats.tables.sizes import StatedSize
 from service.nouns.coupons.schemas import CouponIn, CurveCouponIn, Series
 
 GAUGE = {
@@ -35,6 +37,7 @@ GAUGE = {
 """Which gauge length turns the elongation of a series into its strain."""
 
 _UNLOADED = 0.02  # of the largest force: a curve that begins below it begins unloaded
+_SAME_SIZE = 0.05  # by which a size in the file may differ from the readings: it may be nominal
 _TARED = 500e-6  # m/m: a strain that begins above it without force was not tared
 _FIELDS = {"width_m": "dimensions.width", "thickness_m": "dimensions.thickness"}
 """Fields of the core to fields of the request."""
@@ -70,6 +73,7 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
         file = read_machine_csv(path.read_bytes(), columns, request.delimiter, request.decimal)
     except FormatError as error:
         raise InputError(error.place, error.message) from error
+    _require_sizes(file.sizes, request)
     runs = [part for run in file.runs for part in _parts(run, file, gauges, request)]
     number = _chosen(runs, request.run)
     series, lines = runs[number - 1]
@@ -91,6 +95,34 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
         "notes": [*file.notes, *([untared] if untared else [])],
     }
     return Reduced(coupon, series, reading, reduction, fecore.__version__)
+
+
+def _require_sizes(sizes: Sequence[StatedSize], request: CurveCouponIn) -> None:
+    """Refuse dimensions that a line of the file contradicts.
+
+    Raises:
+        InputError: as it says.
+    """
+    dimensions = request.dimensions
+    metres = factor("length", dimensions.unit, "dimensions.unit")
+    width, thickness = (metres * fmean(each) for each in (dimensions.width, dimensions.thickness))
+    own = {
+        "width": width,
+        "thickness": thickness,
+        "gauge_length": metres * (dimensions.gauge_length or 0.0),
+        "area": width * thickness,
+    }
+    for stated in sizes:
+        value = own[stated.size]
+        if value and all(abs(each / value - 1) > _SAME_SIZE for each in stated.values):
+            field, power = ("width", 2) if stated.size == "area" else (stated.size, 1)
+            what = "and thickness make an area of" if stated.size == "area" else "is"
+            unit = f"{dimensions.unit}²" if stated.size == "area" else dimensions.unit
+            raise InputError(
+                f"dimensions.{field}",
+                f"{what} {value / metres**power:.4g} {unit}, and {stated.words} in the file; correct"
+                " the one that is wrong",
+            )
 
 
 def _zero(values: FloatArray, name: Series, unit: str, request: CurveCouponIn) -> float:

@@ -2,6 +2,9 @@
 shapes.
 """
 
+import re
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -241,6 +244,12 @@ def test_a_complex_mode_with_rotations_of_set_2414(read: Read) -> None:
         (5 / (2 * np.pi), 0.6), rel=1e-12
     )
     np.testing.assert_array_equal(mode.values, [numbers[::2] + 1j * numbers[1::2]])
+    for values, why in (
+        ((0, 5), "and its frequency is 5 Hz"),
+        ((0, 0, 0, 0, 0.3), "viscous one is 0.3"),
+    ):
+        own = "".join(f"{x:13.5e}" for x in (*values, *[0.0] * (6 - len(values))))
+        assert why in read(dataset("2414", *lines[:11], own, *lines[12:])).reasons
     reading = read(dataset("2414", *lines[:2], f"{2:10d}", *lines[3:]))
     assert (reading.outcomes, reading.reasons) == (
         ["ignored"],
@@ -250,6 +259,39 @@ def test_a_complex_mode_with_rotations_of_set_2414(read: Read) -> None:
 
 def changed_55(line: int, text: str) -> bytes:
     return dataset("55", *SHAPE_55[:line], text, *SHAPE_55[line + 1 :])
+
+
+def mode_55(ids: str, analysis: int, *parameters: float) -> bytes:
+    """A mode whose ID line says something, by its analysis type and parameters."""
+    definition = "".join(f"{n:10d}" for n in (1, analysis, 2, 8, 5 if analysis == 3 else 2, 3))
+    counts = "".join(f"{n:10d}" for n in (2, len(parameters), 1, 1))
+    values = "".join(f"{x:13.5e}" for x in parameters)
+    shape = f"{1:13.5e}" * (6 if analysis == 3 else 3)
+    return dataset("55", ids, *["NONE"] * 4, definition, counts, values, f"{1:10d}", shape)
+
+
+IDS_55 = [  # what ID lines and parameters state, and what is read, or why not
+    ("Frequency: 31.0 Hz, Damping: 1.0 %", 2, (31.0, 1.0, 0.01, 0.0), (31.0, 0.01)),
+    ("Freq 31 Hz Damp 1 %", 2, (31.0, 1.0, 0.0, 0.0), (31.0, 0.01)),
+    ("Frequency: 31.0 Hz", 3, (-1.94779, 194.769), (31.0, 0.01)),
+    ("Frequency: 31.0 Hz", 3, (-0.31, 30.998), "make 4.93.* Hz, and its ID lines say 31 Hz"),
+    ("Eigenvalue in Hz", 3, (-0.31, 30.998), "say that its eigenvalue is in Hz"),
+    ("Frequency: 31.0 Hz", 2, (194.779, 1.0, 0.01, 0.0), "make 194.78 Hz"),
+    ("Damping: 0.5 %", 2, (31.0, 1.0, 0.5, 0.0), "make 50 %, and its ID lines say 0.5 %"),
+    ("Mode 1", 4, (31.0, 1.0, 0.01, 0.0), r"transient, no mode shape; .* type 2 .* or 3"),
+]
+
+
+@pytest.mark.parametrize(("ids", "analysis", "parameters", "outcome"), IDS_55)
+def test_what_id_lines_say_of_a_mode_counts(
+    read: Read, ids: str, analysis: int, parameters: tuple[float, ...], outcome: Any
+) -> None:
+    reading = read(mode_55(ids, analysis, *parameters))
+    if isinstance(outcome, str):
+        assert re.search(outcome, reading.reasons)
+        return
+    (mode,) = reading.of(ModeShape)
+    assert (mode.frequency_hz, mode.damping_ratio) == pytest.approx(outcome, rel=1e-4)
 
 
 COMPLEX_55 = "".join(f"{n:10d}" for n in (1, 3, 2, 8, 5, 3))  # a complex mode
