@@ -52,7 +52,7 @@ SHIFT = 4.0
 """Half bandwidths by which a pole is off over the relative error that all FRFs share."""
 
 _CHANCE = 1e-3  # below which a fall over the power is none
-_KNOWN = 0.3  # standard deviation of t up to which a test tells it
+_KNOWN = 0.3  # standard deviation of t up to which it is known
 # of a session in the information: of a mode that one session shows alone nothing scatters
 _LARGEST_SHARE = 0.9
 
