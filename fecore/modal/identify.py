@@ -184,7 +184,8 @@ def identify(
         series = aligned.fitted(terms)
         full |= series.terms.pairs >= room
         # 8. Cull.
-        of_parts.append(Searched(aligned, without_spurious(aligned, series), drift, linear))
+        series, gone = without_spurious(aligned, series)
+        of_parts.append(Searched(aligned, series, drift, linear, gone))
     # 9. Join.
     report("refining with all FRFs", 0.6)
     whole = joined(prepared.arrangement, prepared.noise, parts, of_parts)
@@ -209,7 +210,8 @@ def identify(
     verdict = judge(arrangement, fit, evidence, options.threshold, by_hand)
     if not free.all():  # the others are judged by the fit that had them
         before = judge(arrangement, series, evidence_of(arrangement, series), options.threshold)
-        verdict = verdict.with_refused(before, series.terms.frequency_hz[~free])
+        verdict = verdict.with_refused(before.refused_at(series.terms.frequency_hz[~free]))
+    verdict = verdict.with_refused(whole.refused)
     if not verdict.kept.size:
         raise IdentificationError(no_mode_message(arrangement, verdict.refused, full))
     rather_not = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone

@@ -182,11 +182,14 @@ class Verdict:
         stated = np.array([np.flatnonzero(old == k)[0] for k in self.stated], dtype=np.int64)
         return Verdict(kept, self.probability[old], features, doubt, self.refused, stated)
 
-    def with_refused(self, other: Verdict, frequency_hz: FloatArray) -> Verdict:
-        """The same with poles of these frequencies that another verdict has refused."""
-        more = [each for each in other.refused if each.frequency_hz in frequency_hz]
-        refused = tuple(sorted([*self.refused, *more], key=lambda each: each.frequency_hz))
-        return replace(self, refused=refused)
+    def refused_at(self, frequency_hz: FloatArray) -> tuple[RefusedPole, ...]:
+        """The refused poles of these frequencies."""
+        return tuple(each for each in self.refused if each.frequency_hz in frequency_hz)
+
+    def with_refused(self, more: tuple[RefusedPole, ...]) -> Verdict:
+        """The same with poles that another fit had, and whose verdict has refused them."""
+        refused = sorted([*self.refused, *more], key=lambda each: each.frequency_hz)
+        return replace(self, refused=tuple(refused))
 
 
 def evidence_of(arrangement: Arrangement, fit: LinearFit, growth: Growth | None = None) -> Evidence:
@@ -235,9 +238,8 @@ def _rise(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
         NEAR * fit.terms.half_bandwidth_hz, _LEAST_REACH * arrangement.spacing_hz
     )
     misfit = np.sum(fit.weight * np.abs(fit.residual) ** 2, axis=0)
-    lines = np.maximum(near.sum(axis=0), 1)
     # clean data leave nothing
-    usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05
+    usual = 0.1 * np.mean(arrangement.measured.sum(axis=0)) * np.maximum(near.sum(axis=0), 1)
     with_it = np.maximum(misfit @ near, usual)
     return np.asarray(np.clip(1 + fit.gains / with_it, 1.0, _RISE))
 

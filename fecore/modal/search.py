@@ -41,7 +41,15 @@ from fecore.modal.arrangement import (
     linear_poles,
 )
 from fecore.modal.errors import pulled
-from fecore.modal.judge import REFUSED, curves_alike, evidence_of, probability
+from fecore.modal.judge import (
+    REFUSED,
+    Evidence,
+    RefusedPole,
+    curves_alike,
+    evidence_of,
+    judge,
+    probability,
+)
 from fecore.modal.refine import (
     HOPELESS,
     PASSES,
@@ -452,26 +460,32 @@ def _misfits(
     return out
 
 
-def without_spurious(data: CombinedFrfs, fit: LinearFit) -> LinearFit:
+def without_spurious(
+    data: CombinedFrfs, fit: LinearFit
+) -> tuple[LinearFit, tuple[RefusedPole, ...]]:
     """The fit without refused poles that only bend a better one beside them, or that no distance
-    separates from a larger one.
+    separates from a larger one; and the refused poles that have left.
     """
+    refused: tuple[RefusedPole, ...] = ()
     for _ in range(PASSES):
         if not fit.terms.pairs:
             break
-        gone = _spurious(data.arrangement, fit)
+        evidence = evidence_of(data.arrangement, fit)
+        gone = _spurious(data.arrangement, fit, evidence)
         if not gone.any():
             break
+        verdict = judge(data.arrangement, fit, evidence, REFUSED)
+        refused += verdict.refused_at(fit.terms.frequency_hz[gone])
         fit = data.fitted(data.refined(fit.terms.some(~gone), fit.terms))
-    return fit
+    return fit, refused
 
 
-def _spurious(arrangement: Arrangement, fit: LinearFit) -> BoolArray:
+def _spurious(arrangement: Arrangement, fit: LinearFit, evidence: Evidence) -> BoolArray:
     """(n,) refused poles in band that do not come again in each block of a recording, and overlap one
     that is rather a mode; poles hardly apart from a larger one; and those that are a mode beside them
     in the tests that pull it most.
     """
-    evidence, terms = evidence_of(arrangement, fit), fit.terms
+    terms = fit.terms
     p = probability(evidence, terms.damping_ratio)
     good, poor = p >= 0.5, p < REFUSED
     width = terms.half_bandwidth_hz
@@ -520,6 +534,7 @@ class Searched:
     series: LinearFit
     drift: FloatArray  # (N,) relative drift of each FRF's frequencies
     linear: LinearPoles  # the linear poles
+    refused: tuple[RefusedPole, ...] = ()  # poles that have left beside a better one
 
 
 def joined(
@@ -530,6 +545,12 @@ def joined(
     """
     if len(parts) == 1:
         return searched[0]
+    refused = tuple(
+        pole
+        for part, each in zip(parts, searched, strict=True)
+        for pole in each.refused
+        if part.ends_hz[0] <= pole.frequency_hz < part.ends_hz[1]
+    )
     poles: ComplexArray = np.empty(0, dtype=complex)
     for part, each in zip(parts, searched, strict=True):
         own = part.own(each.series.terms)
@@ -547,5 +568,5 @@ def joined(
         left = linear_fit(trial.arrangement, series.terms, series.variance).chi_squared
         price = PRICE * (arrangement.sessions - 1) * series.residual_memory
         if left < series.chi_squared - price:
-            return Searched(trial, trial.fitted(series.terms), drift, linear)
-    return Searched(data, series, np.zeros(len(noise)), linear)
+            return Searched(trial, trial.fitted(series.terms), drift, linear, refused)
+    return Searched(data, series, np.zeros(len(noise)), linear, refused)

@@ -344,9 +344,10 @@ def whitening(scaled: FloatArray) -> FloatArray:
     From their products where these keep the digits, from products twice where these lead near
     (Yamamoto, Nakatsukasa, Yanagisawa and Fukaya 2015), else from the columns themselves.
     """
+    if not scaled.shape[1]:
+        return np.empty((0, 0))
     products = scaled.T @ scaled
-    length = np.sqrt(np.diag(products))
-    length = np.where(length > 0, length, 1.0)
+    length = np.sqrt(np.where(np.diag(products) > 0, np.diag(products), 1.0))
     triangle, fault = scipy.linalg.lapack.dpotrf(products / length / length[:, None])
     condition = 0.0 if fault else scipy.linalg.lapack.dtrcon(triangle)[0]
     if condition < _TWICE:

@@ -163,6 +163,12 @@ def test_a_mode_that_a_roving_sensor_moves_is_one_mode(
     assert any(note.kind == "sensor_mass" for note in found.notes)
 
 
+def test_a_refused_pole_that_leaves_beside_a_better_one_is_listed() -> None:
+    found = identify(KINDS["plate"](15000).frfs)
+    near = [pole for pole in found.refused_poles if abs(pole.frequency_hz - 455.6) < 1]
+    assert [pole.probability < 0.1 and bool(pole.features) for pole in near] == [True]
+
+
 def test_a_sensor_that_rings_in_one_of_twelve_frfs_is_no_mode() -> None:
     draw = KINDS["loose"](5002)
     found = identify(draw.frfs).found
