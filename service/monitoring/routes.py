@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Query, Request, Response
+from fastapi.responses import JSONResponse
+from sqlalchemy.orm import Session
 
 from modalbase.formats.arrays_out import ARRAY_WRITERS
 from service.monitoring import runs
@@ -12,7 +14,7 @@ from service.nouns.campaigns.operations import campaign_for
 from service.nouns.monitors import operations as monitors
 from service.nouns.monitors.alarms import acknowledge, alarm_for, alarms_seen, raised_with
 from service.nouns.monitors.parameters import From, PartDep, To, Version, part_of
-from service.nouns.monitors.points import points_page
+from service.nouns.monitors.points import Part, points_page
 from service.nouns.monitors.presentation import (
     describe_alarms,
     describe_runs,
@@ -39,6 +41,7 @@ from service.platform.access import (
     CurrentUser,
     SessionDep,
     SettingsDep,
+    User,
     api_router,
 )
 from service.platform.access.nouns import NounRoutes
@@ -191,10 +194,17 @@ def list_runs(
 )
 def get_series(
     monitor_id: UUID, session: SessionDep, user: CurrentUser, part: PartDep, series: Version = None
-) -> dict[str, Any]:
+) -> Response:
     """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and
     campaigns as marks. Of a long one every k-th campaign, unless a part of it is asked for.
     """
+    return JSONResponse(series_shown(monitor_id, session, user, part, series))
+
+
+def series_shown(
+    monitor_id: UUID, session: Session, user: User, part: Part, series: int | None
+) -> dict[str, Any]:
+    """What `GET /monitors/{id}/series` answers."""
     at_one_moment(session)  # a judgement may end meanwhile
     monitor = monitor_for(session, user, monitor_id)
     return series_document(session, monitor, monitors.series_for(session, monitor, series), part)

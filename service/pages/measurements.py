@@ -410,7 +410,7 @@ def get_monitor(
     """
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
     newest = Part(limit=MOST_WATCHED)
-    document = monitoring.get_series(monitor_id, visit.session, visit.user, newest, series)
+    document = monitoring.series_shown(monitor_id, visit.session, visit.user, newest, series)
     shown_runs = monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items
     noted = [document, *document["parameters"]]
     keys = {UUID(key) for each in noted for note in each["notes"] for key in KEY.findall(note)}

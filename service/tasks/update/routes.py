@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from uuid import UUID
 
 from fastapi import Query, Request, Response
+from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session
 
 from service.nouns.campaigns.operations import campaigns_of
@@ -150,7 +151,7 @@ single.watching(
 )
 def get_result(
     job_id: UUID, session: SessionDep, user: CurrentUser, include: Include = None
-) -> dict[str, Any]:
+) -> Response:
     """The result of an update: verdict and warnings first, then parameters, modes, correlation, and where all of it came
     from.
 
@@ -166,7 +167,8 @@ def get_result(
     document = operations.result_document(session, job)
     changed = outdated(session, job, document)
     shown = slim(document, leave_out=set(LARGE_PARTS) - named)
-    return {**shown, "outdated": None if changed is None else changed.model_dump(mode="json")}
+    now = None if changed is None else changed.model_dump(mode="json")
+    return JSONResponse({**shown, "outdated": now})
 
 
 @router.get("/update-jobs/{job_id}/labels")
@@ -215,6 +217,7 @@ joint.watching(
     response_model=None,
     responses={200: {"model": JointResultOut}},
 )
-def get_joint_result(joint_id: UUID, session: SessionDep, user: CurrentUser) -> dict[str, Any]:
+def get_joint_result(joint_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
     """The material's constants from all campaigns, each campaign's part, and whether they agree."""
-    return operations.result_document(session, operations.joint_update_for(session, user, joint_id))
+    row = operations.joint_update_for(session, user, joint_id)
+    return JSONResponse(operations.result_document(session, row))
