@@ -62,7 +62,7 @@ def test_a_frame_that_is_the_bodys_comes_first() -> None:
     truth = json.loads(
         shared_file("BLIND_OPEN", "blind-open", "structures/angle-1.truth.json").read_text()
     )
-    surfaces = stated(truth, 4)[0].model.surfaces
+    surfaces = stated(truth, 2)[0].model.surfaces
     best, *_ = by_closest(surfaces, np.array([point["xyz"] for point in truth["points"]]))
     np.testing.assert_allclose(best.turn, np.eye(3), atol=5e-3)
     np.testing.assert_allclose(best.shift, 0, atol=5e-4)
