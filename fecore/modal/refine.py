@@ -451,7 +451,7 @@ def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> 
     if weights.share is None:
         r = len(onto)
         steep -= expanded(over, linear.basis).T
-        gram = normal_columns(np.concatenate([linear.frame.T, steep.T]).T, weights.each, r)
+        gram = normal_columns(weights.each, linear.frame, steep)
         framed = np.matmul(linear.root, gram[:, :r])
         products = gram[:, r:] - np.matmul(framed.transpose(0, 2, 1), framed)
         inside = inside + np.matmul(linear.root.transpose(0, 2, 1), framed)

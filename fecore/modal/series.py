@@ -273,7 +273,7 @@ def solved(basis: ComplexArray, values: ComplexArray, weights: Weights) -> Coeff
         return _alike(basis, scaled, turn, values, weights)
     frame = expanded(turn.T, basis).T
     right = real_part(weights.each * values, frame.T)
-    normal = normal_columns(frame, weights.each)
+    normal = normal_columns(weights.each, frame)
     scale = np.sqrt(np.einsum("nii->ni", normal))
     _check_weight(scale)
     unit = normal / (scale[:, :, None] * scale[:, None, :])
@@ -372,28 +372,28 @@ def mean_weight(weight: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(weight / np.where(level > 0, level, 1.0), axis=0)))
 
 
-def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> FloatArray:
-    """(N, q, q - first) the columns, from the `first` on, of the normal matrices Re Φᴴ W_i² Φ of
-    all FRFs.
+def normal_columns(weight: FloatArray, *bases: ComplexArray) -> FloatArray:
+    """(N, q, p) the last basis's columns of the normal matrices Re Φᴴ W_i² Φ of all FRFs, Φ all
+    bases beside each other.
     """
-    q = basis.shape[1]
+    q = sum(basis.shape[1] for basis in bases)
+    first = q - bases[-1].shape[1]
     # so many lines at a time, and one row of the matrices: their products stay in the cache
     step = max(1, 100_000 // max(q, 1))
-    parts = [slice(start, start + step) for start in range(0, len(basis), step)]
+    parts = [slice(start, start + step) for start in range(0, weight.shape[1], step)]
     if q > _FOR_ONE * len(weight):
         each: FloatArray = np.zeros((len(weight), q, q - first))
         for part in parts:
-            for own, root in zip(each, np.sqrt(weight[:, part]), strict=True):
-                scaled = stacked(basis[part], root)
-                own[:first] += scaled[:, :first].T @ scaled[:, first:]
-                own[first:] += scaled[:, first:].T @ scaled[:, first:]
+            rows = np.concatenate([basis[part].T for basis in bases]).view(np.float64)
+            for own, root in zip(each, np.sqrt(weight[:, part]).repeat(2, axis=1), strict=True):
+                scaled = rows * root
+                own[:first] += scaled[:first] @ scaled[first:].T
+                own[first:] += scaled[first:] @ scaled[first:].T
         return each
     normal = np.zeros((q, q - first, len(weight)))
     for part in parts:
-        real, imag, across = (
-            np.ascontiguousarray(each.T)
-            for each in (basis[part].real, basis[part].imag, weight[:, part])
-        )
+        rows = np.concatenate([basis[part].T for basis in bases])
+        real, imag, across = rows.real.copy(), rows.imag.copy(), weight[:, part].T.copy()
         for i in range(q):
             start = max(i, first)
             normal[i, start - first :] += (real[start:] * real[i] + imag[start:] * imag[i]) @ across
