@@ -22,6 +22,8 @@ REFERENCE = re.compile(
 )
 """Names of what decibels are referred to."""
 _FACTOR = re.compile(rf"{_WORD}|{_OFFSET}|{REFERENCE.pattern}", re.IGNORECASE)
+_LAST = re.compile(rf"(?:^|[_.@])(?:{_FACTOR.pattern})$", re.IGNORECASE)
+_FACTORS = "factors of arrays"
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
 _POWER = r"10{1,9}|1e[+-]?\d+|10\s*\^\s*[+-]?\d+|10[⁺⁻]?[⁰¹²³⁴-⁹]+|0[.,]0*1|1/10+"
 _IN_NAME = re.compile(
@@ -45,27 +47,27 @@ def changes(name: str, value: str) -> bool:
 
 
 def factors_among(numbers: Mapping[str, Any]) -> dict[str, str]:
-    """Those of a file's single numbers that are factors by their names, as texts.
+    """Those of a file's single numbers that are factors by their names, as one text of its own
+    name, a line each.
 
     >>> import numpy as np
-    >>> factors_among({"acc@gain": np.array(10.0), "fs": np.array(2048.0), "m.acc_scale": np.array([2])})
-    {'acc@gain': '10', 'm.acc_scale': '2'}
+    >>> list(factors_among({"acc@gain": np.array(10.0), "fs": np.array(2048.0)}).values())
+    ['acc@gain = 10']
     """
-    last = {name: re.split(r"[.@]", name)[-1] for name in numbers}
-    return {
-        name: f"{array.item():.12g}"
+    stated = [
+        f"{name} = {array.item():.12g}"
         for name, array in numbers.items()
-        if array.size == 1
-        and array.dtype.kind in "fiu"
-        and re.search(rf"(?:^|_)(?:{_FACTOR.pattern})$", last[name], re.IGNORECASE)
-    }
+        if array.size == 1 and array.dtype.kind in "fiu" and _LAST.search(name)
+    ]
+    return {_FACTORS: "\n".join(stated)} if stated else {}
 
 
 def factor_beside(name: str, texts: Mapping[str, str], *, own: bool = False) -> str:
     """A factor that a file states of an array, in its own words; "" where it states none.
 
-    >>> factor_beside("acc.y", {"acc.gain": "10"}), factor_beside("acc", {"acc@gain": "1"})
-    ('gain = 10', '')
+    >>> import numpy as np
+    >>> factor_beside("acc.y", factors_among({"acc.gain": np.array(10)}))
+    'gain = 10'
     >>> factor_beside("Re x1000 [g/N]", {}), factor_beside("Acc x12 (g)", {})
     ('x1000', '')
 
@@ -77,9 +79,10 @@ def factor_beside(name: str, texts: Mapping[str, str], *, own: bool = False) -> 
     parent = name.rpartition(".")[0]
     shared = (f"{parent}." if parent else "", f"{parent}@", "@")
     starts = (f"{name}@", f"{name}_", f"{name}.", *(() if own else shared))
+    parts = (line.rpartition(" = ") for line in texts.get(_FACTORS, "").split("\n"))
     stated = (
         f"{key.removeprefix(start)} = {text}"
-        for key, text in texts.items()
+        for key, _, text in parts
         for start in starts
         if key.startswith(start) and key not in (f"{name}{end}" for end in _USED)
         if changes(key.removeprefix(start), text)
@@ -108,16 +111,18 @@ def split_factor(unit: str) -> tuple[str, str]:
 
 
 def question(unit: str, example: str = "g/N") -> str:
-    """What to state where a unit has a factor; "" where it has none.
+    """What to say behind a unit that has a factor; "" where it has none.
 
-    >>> question("N (gain = 10)").partition(": ")[2]
+    >>> question("N (gain = 10)").partition("; ")[2]
     "state the unit of the numbers as they stand, such as 'N', '10*N', '0.1*N'"
     """
     bare, factor = split_factor(unit)
-    bare, number = bare or example, _NUMBER.fullmatch(factor.rpartition("= ")[2])
-    times = float(number[0].replace(",", ".")) if number else 0.1
-    ways = [bare, *(f"{each:.6g}*{bare}" for each in (times, 1 / times))] if times else [bare]
+    bare, (name, _, value) = bare or example, factor.rpartition("= ")
+    number = _NUMBER.fullmatch(value.strip("x×* "))
+    shifts = re.fullmatch(_OFFSET, name.strip(), re.IGNORECASE)
+    times = 1.0 if shifts else float(number[0].replace(",", ".")) if number else 0.1
+    ways = [bare, *(f"{each:.6g}*{bare}" for each in (times, 1 / (times or 1)) if each != 1)]
     return factor and (
-        "whether the numbers have this factor already is not known: state the unit of the numbers"
-        f" as they stand, such as {', '.join(map(repr, ways))}"
+        ": whether the numbers have this already is not known; state the unit of the numbers as they"
+        f" stand, such as {', '.join(map(repr, ways))}"
     )

@@ -406,7 +406,7 @@ def _units(columns: Mapping[str, Column], blocks: Sequence[_Block]) -> dict[str,
             )
         if factor_stated and column.unit is None:
             text = with_factor(stated[0], factor_stated)
-            raise FormatError(f"columns.{name}.unit", f"is {text!r}: {question(text)}")
+            raise FormatError(f"columns.{name}.unit", f"is {text!r}{question(text)}")
         stated = stated[:1] if factor_stated else stated
         values = {factor(column.quantity, unit, f"columns.{name}.unit") for unit in stated}
         if len(values) > 1:

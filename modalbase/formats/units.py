@@ -183,6 +183,7 @@ _POWER_OF_TEN = re.compile(
     r"[*x]?\s*(?:1e([+-]?\d+)|10\s*(?:\^|\*\*)?\s*([+-]\d+))(?![\d.])\s*[*·]?\s*(.*)", re.IGNORECASE
 )
 
+_LONGEST = 60  # characters of a unit with a power of ten behind it
 _POWER_BEHIND = re.compile(
     r"(\S.*?)\s*(?:[*x·]|(?<=\s))\s*(1e[+-]?\d+|10\s*(?:\^|\*\*)?\s*[+-]\d+)", re.IGNORECASE
 )
@@ -197,7 +198,7 @@ def plain(unit: str) -> str:
     bare = unit.strip().rstrip(".").translate(_ONE_SIGN)
     for raised, power in _RAISED.items():
         bare = bare.replace(raised, power)
-    if behind := _POWER_BEHIND.fullmatch(bare):  # as in "m/s² x10-3"
+    if len(bare) < _LONGEST and (behind := _POWER_BEHIND.fullmatch(bare)):  # as in "m/s² x10-3"
         bare = f"{behind[2]} {behind[1]}"
     if scaled := _POWER_OF_TEN.fullmatch(bare):
         bare = f"1e{scaled[1] or scaled[2]}*{scaled[3] or 1}"
@@ -318,7 +319,7 @@ def known_units(quantity: Measured) -> str:
 
 _IN_BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)*)[\])}>]")
 _NAMED_UNIT = re.compile(r"[^\W\d_]+(?: \w+)*\s*\([^()]*\)")
-_BEHIND_IN = re.compile(r"(.*\S)\s+in\s+(\S+)")
+_LONGEST_NAME = 1000  # characters; the time of looking for a unit grows with their square
 _AT_THE_END = re.compile(r"(?=(?:\s*/\s*|\s*[_,;:]\s*|\s+in\s+|\s+)(\S+)$)")
 
 
@@ -337,6 +338,8 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
     >>> unit_in_name("time_ms", "time"), unit_in_name("time_s"), unit_in_name("Strain 1", "strain")
     (('time', 'ms'), ('time_s', ''), ('Strain 1', ''))
     """
+    if len(name) > _LONGEST_NAME:
+        return name, ""
     for match in reversed(list(_IN_BRACKETS.finditer(name))):
         # as in "Strain 1 (Strain (%))"
         inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""
@@ -347,9 +350,9 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
                 " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()),
                 match[1].strip(),
             )
-    stated = _BEHIND_IN.fullmatch(name)
-    if stated and not stated[2].isdigit() and read_unit(stated[2]) is not None:
-        return stated[1], stated[2]
+    bare, _, behind = name.rpartition(" in ")
+    if bare and not behind.strip().isdigit() and read_unit(behind) is not None:
+        return bare.strip(), behind.strip()
     for match in _AT_THE_END.finditer(name):
         unit = match[1].replace("_", "/")
         if quantity is not None and not unit.isdigit() and factor_of(quantity, unit) is not None:
@@ -385,7 +388,9 @@ def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None =
 
     >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
     ('g/N', 'm/N')
-    >>> unit_beside("H", {"H@unit": "g/N", "H@gain": "10"})  # whoever sends it says what counts
+    >>> import numpy as np
+    >>> from modalbase.formats.factors import factors_among  # whoever sends it says what counts
+    >>> unit_beside("H", {"H@unit": "g/N"} | factors_among({"H@gain": np.array(10)}))
     'g/N (gain = 10)'
     """
     parent, _, own = name.rpartition(".")

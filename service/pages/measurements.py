@@ -227,6 +227,8 @@ def _overruling(mapping: dict[str, Any], proposal: Proposal) -> dict[str, Any]:
     """A mapping whose units are shown beside those of the file, so that what a person then types in
     their place counts.
     """
+    if "frf" in mapping and (unit := proposal.mapping.get("unit")):
+        return {"unit": unit, **mapping, "instead_of": unit}
     own = {
         each["variable"]: each["unit"]
         for each in proposal.mapping.get("channels", ())

@@ -377,6 +377,15 @@ def test_a_factor_beside_a_dataset_is_used_or_asked_for(tmp_path: Path, name: st
     (found,) = read(path)
     if name == "scale_factor":  # netCDF says what it means
         np.testing.assert_allclose(decode(imported(path)[0].spectrum), 10 * H, rtol=1e-6)
+        right = {"unit": "m/s²/N", "instead_of": "g/N"}
+        values = decode(imported(path, **right)[0].spectrum)
+        np.testing.assert_allclose(values * GRAVITY, 10 * H, rtol=1e-6)
+        for wrong, why in (
+            ({"unit": "m/s²/N"}, "state .instead_of.: .g/N"),
+            (right | {"instead_of": "g"}, "instead_of: is 'g', and the file says 'g/N'"),
+        ):
+            with pytest.raises(Invalid, match=why):
+                imported(path, **wrong)
         return
     with pytest.raises(Invalid, match=rf"unit: is 'g/N \({name} = 10\)'.*, '10\*g/N'"):
         read(path, {**found.mapping, **DOFS}, dry_run=False)

@@ -9,7 +9,8 @@ that says what is what.
      "response_point": 33, "response_direction": 3,
      "reference_point": {"variable": "points"},       one for each FRF, or one for all
      "reference_direction": 3,
-     "unit": "g/N"}                                   or "factor": 9.80665, which multiplies the values for SI
+     "unit": "g/N"}                                   or "factor": 9.80665, which multiplies the values for SI;
+                                                     "instead_of": the unit that the file states wrongly
 
 The FRFs lie in a vector or a table one of whose sides is as long as the frequencies. A unit that
 the file itself states, in a text beside the array or in its name, is used, or refused where the
@@ -44,7 +45,7 @@ from modalbase.formats.records.variables import read_named
 from modalbase.formats.types import FloatArray, Quantity
 from modalbase.formats.units import FORCE, RESPONSE, factor_of, read_unit, unit_beside, unread_unit
 
-_KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "unit", "factor")
+_KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "unit", "instead_of", "factor")
 _FEWEST_MIRRORED, _ROUNDED = 8, 1e-5  # lines; of the largest value
 _SAME = 0.01  # by which a stated factor may differ from that of the unit
 Texts = Mapping[str, str]
@@ -173,28 +174,31 @@ def _scale(
         raise FormatError("mapping.factor", f"is {factor!r}, expected a number other than 0")
     given: dict[str, str] = document["frf"]  # of which the values were read
     in_file = unit_in_file(given, texts)
-    stated = document.get("unit") or ""
+    stated, instead = (document.get(name) or "" for name in ("unit", "instead_of"))
     if not isinstance(stated, str):
         raise FormatError(
             "mapping.unit", f"is {stated!r}, expected the text of a unit, such as g/N"
         )
-    if stated and in_file and read_unit(in_file) and read_unit(stated) != read_unit(in_file):
+    if stated and read_unit(in_file) not in (None, read_unit(stated)) and instead != in_file:
+        if instead:
+            raise FormatError(
+                "mapping.instead_of", f"is {instead!r}, and the file says {in_file!r}"
+            )
         raise FormatError(
-            "mapping.unit", f"is {stated!r}, and the file says {in_file!r}; which is right?"
+            "mapping.unit",
+            f"is {stated!r}, and the file says {in_file!r}; which is right? Where the file is wrong,"
+            f' state "instead_of": "{in_file}"',
         )
     text = stated or in_file
     unit = read_unit(text)
     own = {unit_of.times(FORCE, -1): name for name, unit_of in RESPONSE.items()}
     if unit is None or unit.dimension not in own:
         if stated or (text and factor is None):
-            unknown = question(text)
             why = (
-                "which is no response over a force that is known here; state `unit`, such as g/N,"
+                ", which is no response over a force that is known here; state `unit`, such as g/N,"
                 " or `factor`"
             )
-            raise FormatError(
-                "mapping.unit", f"is {text!r}: {unknown}" if unknown else f"is {text!r}, {why}"
-            )
+            raise FormatError("mapping.unit", f"is {text!r}{question(text) or why}")
         if UNITS in texts and factor is None and not text:
             raise FormatError(
                 "mapping.unit",

@@ -69,7 +69,7 @@ def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: st
     text = _unit(channel, in_file, place)
     unit, quantity, given = read_unit(text), channel["quantity"], channel.get("sensitivity")
     if unknown := question(text, SI[quantity]):
-        raise FormatError(f"{place}.unit", f"is {text!r}: {unknown}")
+        raise FormatError(f"{place}.unit", f"is {text!r}{unknown}")
     if isinstance(given, str) and _NUMBER.fullmatch(given.strip()):
         given = float(given.replace(",", "."))
     if unit is not None and unit.dimension == DIMENSIONS[quantity]:

@@ -30,6 +30,7 @@ _COUNT = re.compile(
     r"(?:(?:data|spectral|frequency)[ _-]*)?(?:lines|samples|points|werte|linien|punkte|scans)",
     re.IGNORECASE,
 )
+_MOST = 500  # lines above the data that are looked at, those next to it
 _WINDOW = re.compile(r"window|fenster|fenêtre|weighting", re.IGNORECASE)
 _LINE_STEP = re.compile(
     r"(?:delta|d|Δ)[ _-]*f|(?:freq\w*|line)?[ _.-]*(?:resolution|spacing|increment)"
@@ -142,7 +143,7 @@ def statements_of(preamble: Sequence[Row], separator: str) -> list[Statement]:
     [('X Unit', ('Hz',)), ('Y Unit', ('g/N',)), ('Scale', ('1', '2'))]
     """
     stated = []
-    for row in preamble:
+    for row in preamble[-_MOST:]:
         cells = [" ".join(row.cells)] if separator == " " else row.cells[: row.width]
         parts = [re.split(r"\s*[:=]\s*", cell, maxsplit=1) for cell in cells if cell]
         if all(len(part) == 2 and part[1] for part in parts):
@@ -167,15 +168,17 @@ def columns_stated(
     Units are those that the columns have themselves, and where they have none those of a line such
     as LabVIEW's `Y_Unit_Label`; decibels without a reference get that of a line.
     """
-    own_units = [unit or unit_in_name(name)[1] for name, unit in zip(names, units, strict=True)]
     units, factors = list(units), [""] * len(units)
     for stated in statements:
         one = len(stated.values) == 1 and _AXIS_LABEL.fullmatch(stated.name)
         of_units = one or (len(stated.values) > 1 and _LABEL.search(stated.name))
+        is_reference = REFERENCE.fullmatch(stated.name)
+        if not (of_units or is_reference or any(changes(stated.name, v) for v in stated.values)):
+            continue
         for place, cell in stated.of_columns(len(units), places).items():
-            own = level_of(units[place] or decibels_in(names[place]) or names[place])
-            if REFERENCE.fullmatch(stated.name):
+            if is_reference:
                 reference = f"dB re {cell}"
+                own = level_of(units[place] or decibels_in(names[place]) or names[place])
                 if own == "":
                     units[place] = reference
                 elif own and read_unit(level_of(reference) or "") not in (None, read_unit(own)):
@@ -183,8 +186,8 @@ def columns_stated(
                     factors[place] = f"reference = {cell}"
             elif changes(stated.name, cell):
                 factors[place] = f"{stated.name} = {cell}"
-            elif of_units and not own_units[place] and read_unit(bare_unit(cell)):
-                units[place] = bare_unit(cell)
+            elif of_units and not units[place] and read_unit(bare_unit(cell)):
+                units[place] = "" if unit_in_name(names[place])[1] else bare_unit(cell)
     return units, factors
 
 
