@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 _LEAST_REACH = 2  # lines on each side of a pole, at least, within which a misfit is its own
 _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
-_NARROW, _BESIDE = 0.1, 8  # lines: a half bandwidth below may be one line's alone; lines looked at
+_NARROW, _BESIDE = 0.5, 8  # lines: a half bandwidth below may be one line's alone; lines looked at
 _RISE = 1e3  # most that counts; the least is 1
 _SHARE = 0.03  # least that counts; the most is 1
 _LEAST = 0.01  # distance, share in other FRFs, and 1 - MAC of one shape that errors leave

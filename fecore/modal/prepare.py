@@ -66,6 +66,7 @@ _ALIKE = 0.2  # of it that the lines beside do not have: below it is a mode's
 _RISES = 10.0
 _REACH = 0.3  # half the window over the number of its line
 _NARROW, _WIDE = 4, 40  # ... and its bounds, lines
+_STEEP = 2.0  # power of a line's number by which a scatter falls from which it rises towards 0 Hz
 _BESIDE = 8  # lines on each side that show what FRFs have in common
 # ratio of two estimates of the noise from which the larger one holds something else
 _DISAGREES = 4.0
@@ -512,8 +513,8 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
 
     The running median of the squared second differences (E = 1.5 v, median of an exponential = ln 2
     of its mean), over a window that grows with the number of the line from 0 Hz: leakage rises
-    towards 0 Hz as a power of it. A median does not see resonances as long as they cover less than
-    half of the window.
+    towards 0 Hz as a power of it, and the first lines go on with that power. A median does not see
+    resonances as long as they cover less than half of the window.
 
     Args:
         values: (N, L) FRFs, or the residual of a fit.
@@ -541,7 +542,22 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
         out[row] = (
             np.exp(np.interp(line, nodes[known], np.log(own[known]))) if known.any() else usual[row]
         )
+        out[row, :_NARROW] *= _rise(nodes[known] + first_line, own[known], first_line)
     return np.asarray(np.maximum(out, _floor(values)))
+
+
+def _rise(number: FloatArray, median: FloatArray, first_line: float) -> FloatArray:
+    """(4,) what the scatter of the first lines is over the median of theirs, where that rises towards
+    0 Hz as a power of the line's number by the medians (m,) at lines up to eight times further.
+    """
+    near = number <= 8 * (number.min(initial=np.inf) + _NARROW)
+    if near.sum() < FEW:
+        return np.ones(_NARROW)
+    x, y = np.log(number[near] + 1), np.log(median[near])
+    slope = np.polyfit(x, y, 1)[0]
+    centre = first_line + (_NARROW + 1) / 2
+    less = np.minimum((first_line + np.arange(_NARROW)) / centre, 1.0)
+    return np.asarray(less**slope if slope < -_STEEP else np.ones(_NARROW))
 
 
 def _floor(values: ComplexArray) -> FloatArray:

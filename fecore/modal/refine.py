@@ -230,7 +230,7 @@ def local_variance(
 
 def _relative(square: FloatArray, size: FloatArray, large: IntArray) -> float:
     """ε², the usual |residual|² over |H|² of the largest of these, at most 0.05²."""
-    share = square.ravel()[large] / np.maximum(size.ravel()[large], np.finfo(float).tiny)
+    share = square.ravel()[large] / np.maximum(size.ravel()[large], np.finfo(float).tiny ** 0.5)
     return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
 
 

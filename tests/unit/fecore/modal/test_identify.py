@@ -195,9 +195,11 @@ def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:
     assert np.allclose(found.modes.damping_ratio, zeta, rtol=0.01)
 
 
-@pytest.mark.parametrize("seed", [5069, 12002, 12008])
+@pytest.mark.parametrize("seed", [5069, 12002, 12008, 15002, 15006])
 def test_noise_that_rises_towards_0_hz_and_hum_hold_no_mode(seed: int) -> None:
-    """At 12002 hum stands in one line of all FRFs; at 12008 no pole may be a mode after a refusal."""
+    """At 12002 and 15006 hum stands in one line of all FRFs; at 12008 no pole may be a mode after a
+    refusal; at 15002 one FRF rises as 1/f².
+    """
     with pytest.raises(IdentificationError, match="no mode"):
         identify(KINDS["quiet"](seed, Harsh.drawn(seed) if seed % 2 else GOOD).frfs)
 
