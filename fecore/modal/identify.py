@@ -189,7 +189,7 @@ def identify(
     # 9. Join.
     report("refining with all FRFs", 0.6)
     whole = joined(prepared.arrangement, prepared.noise, parts, of_parts)
-    aligned, drift, linear = whole.data, whole.drift, whole.linear
+    aligned, drift, linear, gone = whole.data, whole.drift, whole.linear, whole.refused
     series, by_hand = with_stated(aligned, whole.series, stated)
     # 10. Fit.
     report("refining with all FRFs", 0.8)
@@ -209,9 +209,10 @@ def identify(
     evidence = evidence_of(arrangement, fit, growth)
     verdict = judge(arrangement, fit, evidence, options.threshold, by_hand)
     if not free.all():  # the others are judged by the fit that had them
+        fixed = series.terms.frequency_hz[~free]
         before = judge(arrangement, series, evidence_of(arrangement, series), options.threshold)
-        verdict = verdict.with_refused(before.refused_at(series.terms.frequency_hz[~free]))
-    verdict = verdict.with_refused(whole.refused)
+        gone += tuple(each for each in before.refused if each.frequency_hz in fixed)
+    verdict = verdict.with_refused(gone)
     if not verdict.kept.size:
         raise IdentificationError(no_mode_message(arrangement, verdict.refused, full))
     rather_not = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone

@@ -182,10 +182,6 @@ class Verdict:
         stated = np.array([np.flatnonzero(old == k)[0] for k in self.stated], dtype=np.int64)
         return Verdict(kept, self.probability[old], features, doubt, self.refused, stated)
 
-    def refused_at(self, frequency_hz: FloatArray) -> tuple[RefusedPole, ...]:
-        """The refused poles of these frequencies."""
-        return tuple(each for each in self.refused if each.frequency_hz in frequency_hz)
-
     def with_refused(self, more: tuple[RefusedPole, ...]) -> Verdict:
         """The same with poles that another fit had, and whose verdict has refused them."""
         refused = sorted([*self.refused, *more], key=lambda each: each.frequency_hz)

@@ -67,6 +67,7 @@ _RISES = 10.0
 _REACH = 0.3  # half the window over the number of its line
 _NARROW, _WIDE = 4, 40  # ... and its bounds, lines
 _STEEP = 2.0  # power of a line's number by which a scatter falls from which it rises towards 0 Hz
+_HALF = 0.5  # line: the number of one at 0 Hz, where a power of it has no end
 _BESIDE = 8  # lines on each side that show what FRFs have in common
 # ratio of two estimates of the noise from which the larger one holds something else
 _DISAGREES = 4.0
@@ -542,7 +543,7 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
         out[row] = (
             np.exp(np.interp(line, nodes[known], np.log(own[known]))) if known.any() else usual[row]
         )
-        out[row, :_NARROW] *= _rise(nodes[known] + first_line, own[known], first_line)
+        out[row, :_NARROW] *= _rise(nodes[known] + first_line, own[known], first_line)[:lines]
     return np.asarray(np.maximum(out, _floor(values)))
 
 
@@ -556,7 +557,7 @@ def _rise(number: FloatArray, median: FloatArray, first_line: float) -> FloatArr
     x, y = np.log(number[near] + 1), np.log(median[near])
     slope = np.polyfit(x, y, 1)[0]
     centre = first_line + (_NARROW + 1) / 2
-    less = np.minimum((first_line + np.arange(_NARROW)) / centre, 1.0)
+    less = np.clip((first_line + np.arange(_NARROW)) / centre, _HALF / centre, 1.0)
     return np.asarray(less**slope if slope < -_STEEP else np.ones(_NARROW))
 
 

@@ -48,7 +48,6 @@ from fecore.modal.judge import (
     curves_alike,
     evidence_of,
     judge,
-    probability,
 )
 from fecore.modal.refine import (
     HOPELESS,
@@ -463,38 +462,39 @@ def _misfits(
 def without_spurious(
     data: CombinedFrfs, fit: LinearFit
 ) -> tuple[LinearFit, tuple[RefusedPole, ...]]:
-    """The fit without refused poles that only bend a better one beside them, or that no distance
-    separates from a larger one; and the refused poles that have left.
+    """The fit without refused poles that only bend a better one beside them, that no distance
+    separates from a larger one, or that are a mode beside them in the tests that pull it most; and
+    the refused poles that have left.
     """
     refused: tuple[RefusedPole, ...] = ()
     for _ in range(PASSES):
         if not fit.terms.pairs:
             break
         evidence = evidence_of(data.arrangement, fit)
-        gone = _spurious(data.arrangement, fit, evidence)
+        verdict = judge(data.arrangement, fit, evidence, REFUSED)
+        one = pulled(data.arrangement, fit, evidence.neighbour) & (evidence.apart < _MOVED)
+        gone = _spurious(data.arrangement, fit, evidence, verdict.probability) | one
         if not gone.any():
             break
-        verdict = judge(data.arrangement, fit, evidence, REFUSED)
-        refused += verdict.refused_at(fit.terms.frequency_hz[gone])
+        leaving = fit.terms.frequency_hz[gone]
+        refused += tuple(each for each in verdict.refused if each.frequency_hz in leaving)
         fit = data.fitted(data.refined(fit.terms.some(~gone), fit.terms))
     return fit, refused
 
 
-def _spurious(arrangement: Arrangement, fit: LinearFit, evidence: Evidence) -> BoolArray:
+def _spurious(
+    arrangement: Arrangement, fit: LinearFit, evidence: Evidence, probability: FloatArray
+) -> BoolArray:
     """(n,) refused poles in band that do not come again in each block of a recording, and overlap one
-    that is rather a mode; poles hardly apart from a larger one; and those that are a mode beside them
-    in the tests that pull it most.
+    that is rather a mode; and poles hardly apart from a larger one.
     """
-    terms = fit.terms
-    p = probability(evidence, terms.damping_ratio)
-    good, poor = p >= 0.5, p < REFUSED
-    width = terms.half_bandwidth_hz
+    terms, width = fit.terms, fit.terms.half_bandwidth_hz
+    good, poor = probability >= 0.5, probability < REFUSED
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
     beside = arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1)
     # nearer ones may be one mode, or two shapes that the references see under one pole
     once = ~(evidence.repeat > CLEAR) | (apart[:, good] < ONE).any(axis=1)
-    one = pulled(arrangement, fit, evidence.neighbour) & (evidence.apart < _MOVED)
-    return np.asarray((poor & once & beside) | one | (evidence.apart < _CANCEL))
+    return np.asarray((poor & once & beside) | (evidence.apart < _CANCEL))
 
 
 def with_stated(data: CombinedFrfs, fit: LinearFit, stated: Terms) -> tuple[LinearFit, IntArray]:
