@@ -272,6 +272,13 @@ def test_files_have_all_rows(api: httpx.Client, bridge: dict[str, str]) -> None:
     assert table.to_pylist()[0]["performed_at"].isoformat() == "2026-04-01T00:00:00+00:00"
     content = api.get("search/campaigns", params={**query, "format": "parquet"}).content
     assert parquet_rows(content) == table.to_pylist()
+    for noun in SEARCHED:  # columns without rows, of every type
+        nothing = {"q": "nowhere", "format": "arrow"}
+        stream = io.BytesIO(api.get(f"search/{noun}", params=nothing).content)
+        empty = na.ArrayStream.from_readable(stream).read_all()
+        assert any(field.name.endswith("id") for field in empty.schema.fields)
+        content = api.get(f"search/{noun}", params={**nothing, "format": "parquet"}).content
+        assert parquet_rows(content) == empty.to_pylist() == []
 
 
 def test_what_others_have_is_neither_found_nor_counted(
