@@ -6,6 +6,7 @@ import json
 import signal
 import socket
 import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -273,6 +274,33 @@ def test_an_api_that_dies_while_starting_ends_up_at_once_and_so_does_a_signal(
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, errors
     wait_until_gone(data)
+
+
+def test_a_signal_that_meets_a_callback_ends_the_command() -> None:
+    """Python takes no exception from there: `modalbase up` went on, where SIGTERM met the end of an
+    import.
+    """
+    script = """
+import signal, threading, weakref
+from service.app.cli.ending import ending
+
+class Thing: ...
+
+with ending():
+    thing = Thing()
+    watch = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGTERM))
+    del thing
+    print("goes on", flush=True)
+    threading.Event().wait()
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "goes on\n", "")
 
 
 @pytest.mark.parametrize("name", ["", "  ", "x" * 201])

@@ -2,15 +2,23 @@
 unwinds.
 """
 
+from __future__ import annotations
+
 import errno
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+
+AGAIN_SECONDS = 0.05  # after which a signal comes again whose exception went nowhere
 
 
 def stop_with(message: str, code: int = 1) -> NoReturn:
@@ -23,6 +31,7 @@ def stop_with(message: str, code: int = 1) -> NoReturn:
 def ending() -> Iterator[None]:
     """What a command does, within this, ends as commands do."""
     signal.signal(signal.SIGTERM, _leave)
+    sys.unraisablehook = _leave_again
     try:
         yield
     except Exception as error:
@@ -84,3 +93,15 @@ def _forget_output() -> None:
 def _leave(_signal: int, _frame: FrameType | None) -> NoReturn:
     """SIGTERM unwinds as an error does, so that everything opened is closed."""
     sys.exit(0)
+
+
+def _leave_again(went_nowhere: UnraisableHookArgs) -> None:
+    """SIGTERM comes again where it met what takes no exceptions, such as a callback of the lock of a
+    module that is being loaded: the command would never end.
+    """
+    if not issubclass(went_nowhere.exc_type, SystemExit):
+        sys.__unraisablehook__(went_nowhere)
+        return
+    again = threading.Timer(AGAIN_SECONDS, os.kill, (os.getpid(), signal.SIGTERM))
+    again.daemon = True
+    again.start()
