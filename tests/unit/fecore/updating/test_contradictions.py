@@ -108,16 +108,18 @@ def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> N
     )
 
 
-def with_mass(seed: int, grams: float) -> Campaign:
+def with_mass(seed: int, grams: float, modes: int = 7) -> Campaign:
     """A strip with a mass near its end that nobody stated."""
     masses = (PointMass(0.23, 0.01, 1e-3 * grams),)
-    return measured(np.random.default_rng([36, seed]), "b", SHORT, 0.0, modes=7, unstated=masses)
+    return measured(
+        np.random.default_rng([36, seed]), "b", SHORT, 0.0, modes=modes, unstated=masses
+    )
 
 
 @pytest.mark.long
 def test_a_mass_that_nobody_stated_is_named_with_its_size_and_place() -> None:
     """2 g of 71 g: next to a strip without; in short an update of one campaign names it."""
-    conflict, *_ = found([strips(0)[0], with_mass(0, 2.0)], coupons())
+    conflict, *_ = found([strips(0)[0], with_mass(0, 2.0, 9)], coupons())
     cause = conflict.cause
     assert (cause.kind, cause.name, cause.owner) == ("mass", "mass on campaign b", "campaign b")
     (said,) = cause.said
