@@ -19,6 +19,7 @@ import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -117,7 +118,7 @@ class _Columns:
         place = self.places[name]
         return self.header_cells[place] if place < len(self.header_cells) else ""
 
-    @property
+    @cached_property
     def statements(self) -> list[Statement]:
         """What the lines above the header state."""
         above = self.rows[: max(self.header_row, 0)]

@@ -74,15 +74,8 @@ def noisy(
 
 def with_one_line_in(step: int, given: Measurement) -> Measurement:
     """The measurement with one line in so many."""
-    frfs, lines = given.frfs, slice(None, None, step)
-    assert frfs is not None
-    few = replace(
-        frfs,
-        frequency_hz=frfs.frequency_hz[lines],
-        values=frfs.values[:, lines],
-        measured=frfs.measured[:, lines],
-    )
-    return replace(given, frfs=few)
+    assert given.frfs is not None
+    return replace(given, frfs=given.frfs.on_every(step))
 
 
 def modes_at(

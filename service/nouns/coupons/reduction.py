@@ -115,13 +115,14 @@ def _require_sizes(sizes: Sequence[StatedSize], request: CurveCouponIn) -> None:
     for stated in sizes:
         value = own[stated.size]
         if value and all(abs(each / value - 1) > _SAME_SIZE for each in stated.values):
-            field, power = ("width", 2) if stated.size == "area" else (stated.size, 1)
-            what = "and thickness make an area of" if stated.size == "area" else "is"
-            unit = f"{dimensions.unit}²" if stated.size == "area" else dimensions.unit
+            if stated.size == "area":
+                field, what = "width", "and thickness make an area of"
+                shown = f"{value / metres**2:.4g} {dimensions.unit}²"
+            else:
+                field, what, shown = stated.size, "is", f"{value / metres:.4g} {dimensions.unit}"
             raise InputError(
                 f"dimensions.{field}",
-                f"{what} {value / metres**power:.4g} {unit}, and {stated.words} in the file; correct"
-                " the one that is wrong",
+                f"{what} {shown}, and {stated.words} in the file; correct the one that is wrong",
             )
 
 

@@ -147,8 +147,7 @@ def _array(column: Column, values: list[Any]) -> Any:
 def _batches(rows: Iterable[tuple[Any, ...]]) -> Iterator[list[tuple[Any, ...]]]:
     """One at least, as a stream has its schema with the first."""
     row = iter(rows)
-    batch = list(islice(row, _TOGETHER))
-    yield batch
+    yield list(islice(row, _TOGETHER))
     while batch := list(islice(row, _TOGETHER)):
         yield batch
 
