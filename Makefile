@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Each process that starts would compile all of it anew, 0.7 s at a time: `__pycache__` is what that is for.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit integration acceptance check bench screens guide test-long branches newest oldest lock clean
+.PHONY: demo test unit integration acceptance check bench screens guide long test-long branches newest oldest lock clean
 
 demo: $(SERVER)
 	$(BIN)/modalbase demo
@@ -46,9 +46,11 @@ screens: $(READY)
 guide: $(SERVER)
 	$(BIN)/python -m tools.guide
 
-# The long tests and the soaks; the tests have each in a short form. `branches` lists what these alone reach.
-test-long: $(READY)
+# The long tests, each of which the tests have in a short form, as `branches` shows; with `test-long` the soaks too.
+long: $(READY)
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m long
+
+test-long: long
 	$(BIN)/python -m benchmarks soak
 
 branches: $(READY)

@@ -1,4 +1,4 @@
-"""Values and examples of a test that only `make test-long` tries."""
+"""Values and examples of a test that only `make long` tries."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
