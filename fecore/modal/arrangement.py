@@ -139,6 +139,11 @@ class Arrangement:
         """Number of tests, each of which may have drifted on its own."""
         return int(self.session.max()) + 1
 
+    @property
+    def known_noise(self) -> BoolArray:
+        """(N, L) True for values whose noise variance was handed in."""
+        return np.asarray(self.measured & np.isfinite(self.variance))
+
     def in_band(self, hz: FloatArray) -> BoolArray:
         """(n,) True for frequencies within the lines."""
         return np.asarray((hz >= self.frequency_hz[0]) & (hz <= self.frequency_hz[-1]))

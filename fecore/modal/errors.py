@@ -42,7 +42,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.modal.arrangement import MANY, Arrangement
-from fecore.modal.series import PRICE, VAGUE
+from fecore.modal.series import PRICE, VAGUE, Terms, shared_error
 
 if TYPE_CHECKING:
     from fecore.modal.judge import Growth
@@ -82,15 +82,18 @@ class ErrorModel:
 
 
 def with_errors(
-    arrangement: Arrangement,
-    fit: PoleFit,
-    shared: FloatArray,
-    change: FloatArray,
-    growth: Growth | None,
+    arrangement: Arrangement, fit: PoleFit, start: Terms, doubted: BoolArray, growth: Growth | None
 ) -> PoleFit:
-    """The fit with its errors: from its residual, its tests, what all FRFs share, the change under
-    other weights, and what harder hits change. It states the mean over tests where these know it.
+    """The fit with its errors: from its residual, its tests, what all FRFs share, the change since the
+    poles of its start, and what harder hits change. It states the mean over tests where these know
+    it. What poles that are doubted take up, and a background, is error too.
     """
+    shared = shared_error(arrangement, fit)
+    if doubted.any() or np.any(fit.background):
+        others = shared_error(arrangement, fit.without(arrangement, doubted))
+        shared[~doubted] = np.maximum(shared[~doubted], others)
+    drawn = np.log(fit.terms.frequency_hz / start.frequency_hz)
+    change = np.concatenate([drawn, fit.terms.damping_ratio - start.damping_ratio])
     information = _by_test(arrangement, fit.by_frf)
     whole = np.maximum(information.sum(axis=0), np.finfo(float).tiny)
     mean = mean_over_tests(arrangement, fit, information)

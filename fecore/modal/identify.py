@@ -23,9 +23,8 @@ from fecore.modal.prepare import noise_of, prepare
 from fecore.modal.refine import (
     LinearFit,
     plausible,
-    refine,
     reweighted_fit,
-    student,
+    robust_fit,
 )
 from fecore.modal.result import (
     FittedSeries,
@@ -35,6 +34,7 @@ from fecore.modal.result import (
     interference,
     left_out,
     moved_by_height,
+    of_residual,
     of_series,
     outlying,
     remarks,
@@ -50,12 +50,11 @@ from fecore.modal.search import (
     with_stated,
     without_spurious,
 )
-from fecore.modal.series import DAMPING_RANGE, Terms, one_minus_leverage, shared_error
+from fecore.modal.series import DAMPING_RANGE, Terms
 from fecore.modal.shapes import Shapes, of_rank_two, separate_close_modes, shapes_from_residues
 from fecore.modes import MeasuredModes
 from fecore.signal.block_spectra import BlockSpectra
 
-_LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 Report = Callable[[str, float], None]
 
 
@@ -197,11 +196,7 @@ def identify(
     free = plausible(arrangement, series)
     free[by_hand] = True
     by_hand = np.cumsum(free)[by_hand] - 1  # among those
-    left = one_minus_leverage(arrangement, series.terms, series.linear, series.weights)
-    variance = student(arrangement, series.residual, noise, left)
-    background = series.part(np.flatnonzero(np.repeat(~free, 2))) if not free.all() else 0.0
-    start = series.terms.some(free)
-    fit = refine(arrangement, start, variance, steps=_LAST, background=background)
+    fit = robust_fit(arrangement, series, noise, free)
     # 11. Judge.
     report("judging the poles", 0.9)
     searched = time.perf_counter()
@@ -215,19 +210,9 @@ def identify(
     verdict = verdict.with_refused(gone)
     if not verdict.kept.size:
         raise IdentificationError(no_mode_message(arrangement, verdict.refused, full))
-    rather_not = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
-    rather_not &= verdict.probability < 0.5
-    shared = shared_error(arrangement, fit)
-    if rather_not.any() or not free.all():  # what these take up, and the background, is error too
-        others = shared_error(arrangement, fit.without(arrangement, rather_not))
-        shared[~rather_not] = np.maximum(shared[~rather_not], others)
-    change = np.concatenate(
-        [
-            np.log(fit.terms.frequency_hz / start.frequency_hz),
-            fit.terms.damping_ratio - start.damping_ratio,
-        ]
-    )
-    fit = with_errors(arrangement, fit, shared, change, growth)
+    doubted = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
+    doubted &= verdict.probability < 0.5
+    fit = with_errors(arrangement, fit, series.terms.some(free), doubted, growth)
     fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
     significance = fit.gains / (fit.pole_price * fit.memory)
     # 12. Separate.
@@ -235,7 +220,7 @@ def identify(
     fit, old, separated = separate_close_modes(arrangement, fit, poles)
     verdict = verdict.of(old, fit.terms.frequency_hz)
     # 13. Shapes.
-    kept, f, zeta = verdict.kept, fit.terms.frequency_hz, fit.terms.damping_ratio
+    kept, hz = verdict.kept, fit.terms.frequency_hz
     shapes = shapes_from_residues(
         arrangement,
         fit.residues[:, kept],
@@ -245,29 +230,12 @@ def identify(
     two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
     # 14. Result.
     report("done", 1.0)
-    doubt = tuple(verdict.doubt[k] for k in kept)
-    outliers, toned = outlying(fit), interference(arrangement, fitted.fit, evidence)
-    known = arrangement.measured & np.isfinite(arrangement.variance)
-    ratio = fit.chi_squared / fit.freedom
-    if known.any():
-        ratio = float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
-    both = np.concatenate([kept, f.size + kept])
-    scale = np.concatenate([f[kept], np.ones(kept.size)])  # from ln f to f
-    separate = replace(fitted, fit=fit)
-    covariance = separate.covariance[np.ix_(both, both)] * np.outer(scale, scale)
-    probability = verdict.probability[kept]
-    modes = MeasuredModes(
-        f[kept], zeta[kept], shapes.complex, arrangement.roving, covariance, probability
-    )
-    diagram, of_phases = diagram_of(arrangement, linear), of_series(fitted, evidence)
-    of_modes = remarks(
-        arrangement, fit, kept=kept, shapes=shapes, share=evidence.share[old], doubt=doubt, two=two
-    )
-    not_linear = moved_by_height(fitted.fit, poles)
+    doubt, separate = tuple(verdict.doubt[k] for k in kept), replace(fitted, fit=fit)
+    outliers, toned = outlying(fit), interference(fitted, evidence)
     of_interference, of_outliers = left_out(arrangement, toned, outliers)
     return Identification(
         found=IdentifiedPoles(
-            modes=modes,
+            modes=separate.modes(kept, verdict.probability, shapes),
             shapes=shapes,
             significance=significance[old][kept],
             features=tuple(verdict.features[int(k)] for k in kept),
@@ -275,35 +243,33 @@ def identify(
         ),
         fitted=fitted,
         terms=fit.terms,
-        stabilisation=diagram,
-        stated=tuple(f[verdict.stated].tolist()),
+        stabilisation=diagram_of(arrangement, linear),
+        stated=tuple(hz[verdict.stated].tolist()),
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
         rows=arrangement.source,
         refused=prepared.refused,
         refused_poles=verdict.refused,
         notes=(
             *prepared.notes,
-            *of_phases,
+            *of_series(fitted, evidence),
             *of_interference,
             *([finding("most_modes")] if full else []),
             *separated,
-            *(finding("pole_stated", hz=f[k], p=verdict.probability[k]) for k in verdict.stated),
-            *of_modes,
-            *not_linear,
-            *of_outliers,
-            *(
-                [finding("residual_large", times=np.sqrt(ratio))]
-                if known.any() and ratio >= 2
-                else []
+            *(finding("pole_stated", hz=hz[k], p=verdict.probability[k]) for k in verdict.stated),
+            *remarks(
+                arrangement, fit, kept, shapes, share=evidence.share[old], doubt=doubt, two=two
             ),
+            *moved_by_height(fitted.fit, poles),
+            *of_outliers,
+            *of_residual(separate),
             *(not_used(refused.frf, refused.why) for refused in prepared.refused),
         ),
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
         measured=np.where(arrangement.measured & ~outliers & ~toned, arrangement.values, np.nan),
         predicted=fit.model,
-        noise_variance=np.where(known, arrangement.variance, fit.variance),
-        noise_ratio=ratio,
+        noise_variance=np.where(arrangement.known_noise, arrangement.variance, fit.variance),
+        noise_ratio=separate.noise_ratio,
         model_error=separate.model_error,
         drift=float(drift.std()),
         delay=evidence.delay,

@@ -43,6 +43,7 @@ from fecore.modal.series import (
     memory,
     missing_slopes,
     normal_columns,
+    one_minus_leverage,
     real_part,
     slope_parts,
     solved,
@@ -74,6 +75,7 @@ _OF_HEIGHT = 2.0
 _LOCAL = 25  # lines over which the misfit is averaged
 _MOST_RELATIVE = 0.05  # largest ε
 _FREEDOM = 8.0  # of Student's law
+_LAST = 3  # steps with all FRFs and a weight for each value
 
 OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
 """|r|² over its variance v/u from which a value's weight u is below 0.1."""
@@ -399,6 +401,18 @@ def refine(
     return slopes or _with_slopes(arrangement, fit, free)
 
 
+def robust_fit(
+    arrangement: Arrangement, fit: LinearFit, noise: FloatArray, free: BoolArray
+) -> PoleFit:
+    """The free poles of a fit, fitted anew with a variance for each value by Student's law; the other
+    poles stay as they are, as background.
+    """
+    variance = student(arrangement, fit, noise)
+    background = fit.part(np.flatnonzero(np.repeat(~free, 2))) if not free.all() else 0.0
+    terms = fit.terms.some(free)
+    return refine(arrangement, terms, variance, steps=_LAST, background=background)
+
+
 def _least_misfit(
     arrangement: Arrangement, fit: LinearFit, free: IntArray, steps: int, enough: float
 ) -> tuple[LinearFit, PoleFit | None]:
@@ -566,12 +580,7 @@ def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray
     return np.delete(c, gone, axis=1), np.delete(np.delete(C, gone, axis=1), gone, axis=2)
 
 
-def student(
-    arrangement: Arrangement,
-    residual: ComplexArray,
-    noise: FloatArray,
-    one_minus_leverage: FloatArray,
-) -> FloatArray:
+def student(arrangement: Arrangement, fit: LinearFit, noise: FloatArray) -> FloatArray:
     """(N, L) variance of each value by Student's law with ν degrees of freedom about the local one:
     v/u, at least the noise.
 
@@ -579,13 +588,14 @@ def student(
     and Taylor 1989): a line of interference or an overload counts for little, and does not raise
     the variance of the lines beside it.
     """
-    weight, square = np.ones(residual.shape), np.abs(residual) ** 2
+    left = one_minus_leverage(arrangement, fit.terms, fit.linear, fit.weights)
+    weight, square = np.ones(fit.residual.shape), np.abs(fit.residual) ** 2
     for _ in range(3):  # the weights change little after these
         v = local_variance(
             arrangement,
-            residual * np.sqrt(weight),
+            fit.residual * np.sqrt(weight),
             noise,
-            one_minus_leverage=one_minus_leverage,
+            one_minus_leverage=left,
             alike=False,
         )
         weight = (_FREEDOM + 2) / (_FREEDOM + 2 * square / v)

@@ -81,6 +81,25 @@ class FittedSeries:
         total = float(np.sum(size**2))
         return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
 
+    @property
+    def noise_ratio(self) -> float:
+        """Mean square of the residual over the noise variance that came with the FRFs; where none did,
+        χ² over its freedom.
+        """
+        known, fit = self.arrangement.known_noise, self.fit
+        if not known.any():
+            return fit.chi_squared / fit.freedom
+        return float(np.mean(np.abs(fit.residual[known]) ** 2 / self.arrangement.variance[known]))
+
+    def modes(self, kept: IntArray, probability: FloatArray, shapes: Shapes) -> MeasuredModes:
+        """Poles with their shapes and the covariance of f and ζ."""
+        f, zeta = self.fit.terms.frequency_hz, self.fit.terms.damping_ratio[kept]
+        both = np.concatenate([kept, f.size + kept])
+        scale = np.concatenate([f[kept], np.ones(kept.size)])  # from ln f to f
+        covariance = self.covariance[np.ix_(both, both)] * np.outer(scale, scale)
+        dofs = self.arrangement.roving
+        return MeasuredModes(f[kept], zeta, shapes.complex, dofs, covariance, probability[kept])
+
 
 @dataclass(frozen=True)
 class IdentifiedPoles:
@@ -172,10 +191,7 @@ class Identification:
         Raises:
             IdentificationError: all are uncertain, and they are not asked for.
         """
-        which = np.array(
-            [k for k, why in enumerate(self.found.doubt) if include_doubtful or why is None],
-            dtype=np.int64,
-        )
+        which = np.flatnonzero([include_doubtful or why is None for why in self.found.doubt])
         if not which.size:
             f = self.found.modes.frequency_hz
             seen = "; ".join(
@@ -205,19 +221,17 @@ class Identification:
     @property
     def doubtful(self) -> IdentifiedPoles | None:
         """The uncertain poles, with the reason of each."""
-        which = np.array(
-            [k for k, why in enumerate(self.found.doubt) if why is not None], dtype=np.int64
-        )
+        which = np.flatnonzero([why is not None for why in self.found.doubt])
         return self.found.select(which) if which.size else None
 
 
-def interference(arrangement: Arrangement, fit: PoleFit, evidence: Evidence) -> BoolArray:
+def interference(fitted: FittedSeries, evidence: Evidence) -> BoolArray:
     """(N, L) values of which a tone is the larger part, and larger than their noise: they are no
     answer to the force.
     """
-    part = fit.part(np.flatnonzero(np.repeat(evidence.tone, 2)))
-    rest = np.abs(arrangement.values - part) ** 2
-    return np.asarray(np.abs(part) ** 2 > np.maximum(fit.variance, rest))
+    part = fitted.fit.part(np.flatnonzero(np.repeat(evidence.tone, 2)))
+    rest = np.abs(fitted.arrangement.values - part) ** 2
+    return np.asarray(np.abs(part) ** 2 > np.maximum(fitted.fit.variance, rest))
 
 
 def outlying(fit: PoleFit) -> BoolArray:
@@ -266,6 +280,13 @@ def left_out(
     if more <= 0:
         return of_interference, notes
     return of_interference, [*notes[:8], finding("more_outliers", count=more)]
+
+
+def of_residual(fitted: FittedSeries) -> list[Finding]:
+    """A residual that is clearly more than the noise."""
+    ratio = fitted.noise_ratio
+    clear = ratio >= 2 and fitted.arrangement.known_noise.any()
+    return [finding("residual_large", times=np.sqrt(ratio))] if clear else []
 
 
 def remarks(
