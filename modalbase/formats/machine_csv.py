@@ -26,13 +26,13 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.factors import changes, factor_beside, question, with_factor
-from modalbase.formats.tables.layout import SEPARATORS, joined_brackets, row_of
+from modalbase.formats.tables.layout import SEPARATORS, Encoding, joined_brackets, row_of
 from modalbase.formats.tables.numbers import Clock, is_number, kind_of, number_reader
 from modalbase.formats.tables.preamble import Row, Statement, statements_of
 from modalbase.formats.tables.reader import encoding_of, open_table
 from modalbase.formats.tables.sizes import StatedSize, sizes_of
 from modalbase.formats.types import FloatArray
-from modalbase.formats.units import factor_of, known_units, plain, unit_in_name
+from modalbase.formats.units import factor_of, half_width, known_units, plain, unit_in_name
 
 Quantity = Literal["force", "stress", "strain", "length", "time"]
 
@@ -153,6 +153,7 @@ def read_machine_csv(
     columns: Mapping[str, Column],
     delimiter: str | None = None,
     decimal: str | None = None,
+    encoding: Encoding | None = None,
 ) -> MachineFile:
     """Read a testing machine's text file.
 
@@ -162,6 +163,7 @@ def read_machine_csv(
             shows restarts.
         delimiter: tab, `;`, `,` or a blank; found out where None.
         decimal: `.` or `,`; found out where None.
+        encoding: what the text is written in; found out where None, see `encoding_of`.
 
     Raises:
         FormatError: the file, a line or a cell cannot be read, a unit is not stated or stated twice
@@ -173,11 +175,20 @@ def read_machine_csv(
         raise FormatError("decimal", f"is {decimal!r}, expected . or ,")
     if delimiter not in (None, *SEPARATORS.values()):
         raise FormatError("delimiter", f"is {delimiter!r}, expected a tab, ; , or a blank")
-    encoding = encoding_of(io.BytesIO(data))
-    lines = re.split("\r\n|\n|\r", data.decode(encoding))
-    layout = _layout(
-        lines, columns, tuple(SEPARATORS.values()) if delimiter is None else (delimiter,)
-    )
+    try:
+        read_as = encoding or encoding_of(io.BytesIO(data))
+        text = data.decode(read_as)
+    except UnicodeDecodeError:
+        raise FormatError("encoding", f"is stated as {encoding}, and the file is not") from None
+    lines = re.split("\r\n|\n|\r", text)
+    delimiters = tuple(SEPARATORS.values()) if delimiter is None else (delimiter,)
+    try:
+        layout = _layout(lines, columns, delimiters)
+    except FormatError as error:
+        if encoding is not None or read_as != "cp1252":  # which is what is left, not what is seen
+            raise
+        hint = "; it was read as cp1252: state its `encoding` where that is another"
+        raise FormatError(error.place, error.message + hint) from error
     notes: list[str] = []
     blocks = _blocks(layout, columns, notes)
     cells = [cell for block in blocks for row in block.cells for cell in row]
@@ -203,7 +214,7 @@ def read_machine_csv(
     return MachineFile(
         runs=tuple(runs),
         units=units,
-        encoding=encoding,
+        encoding=read_as,
         delimiter=layout.delimiter,
         decimal=symbol,
         notes=tuple(notes),
@@ -349,11 +360,11 @@ def _places_of(cells: Sequence[str], column: Column) -> list[int]:
 
 
 def _folded(header: str) -> str:
-    return " ".join(header.split()).casefold()
+    return " ".join(half_width(header).split()).casefold()
 
 
 def _without_brackets(header: str) -> str:
-    match = _IN_BRACKETS.match(header)
+    match = _IN_BRACKETS.match(half_width(header))
     return _folded(match[1] if match else header)
 
 
@@ -443,7 +454,7 @@ def _unread(layout: _Columns, name: str) -> str:
     if cell and not is_number(cell):
         return f" (line {layout.header_row + 2} has {cell[:20]!r} there)"
     header = layout.header(name)
-    in_brackets = _IN_BRACKETS.match(header)
+    in_brackets = _IN_BRACKETS.match(half_width(header))
     return (
         f" (the heading is {header[:40]!r}, whose brackets hold no unit that is known here)"
         if in_brackets

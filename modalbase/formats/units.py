@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from math import radians
 from typing import Literal, NamedTuple
+from unicodedata import normalize
 
 from modalbase.formats.constants import FOOT, INCH, POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.factors import factor_beside, split_factor, with_factor
@@ -117,6 +118,11 @@ _FACTOR = r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?"
 _TOKEN = re.compile(
     rf"\s*(\*\*|[()*/·^.-]|[²³]|g0|{_FACTOR}|[%‰°]|[^\W\d_²³]+(?:'s)?)", re.IGNORECASE
 )
+# full-width letters, digits and brackets of Chinese and Japanese texts, and units in one character, as ㎜
+_HALF_WIDTH = str.maketrans(
+    {char: normalize("NFKC", char) for char in map(chr, (0x3000, *range(0x3380, 0x33E0), *range(0xFF01, 0xFF5F)))}
+    | dict(zip("【】〔〕", "[]()", strict=True))
+)  # fmt: skip
 _ONE_SIGN = str.maketrans({"μ": "µ", "ɛ": "ε", "⋅": "·", "×": "*", "∕": "/", "−": "-"})
 NO_UNIT = {"", "none", "unknown", "user_defined", "-"}
 """What programs write where they have no unit, in small letters."""
@@ -189,13 +195,22 @@ _POWER_BEHIND = re.compile(
 )
 
 
+def half_width(text: str) -> str:
+    """A text whose letters, digits and brackets of full width are the usual ones.
+
+    >>> half_width("荷重（ｋＮ）"), half_width("変位 [㎜]")
+    ('荷重(kN)', '変位 [mm]')
+    """
+    return text.translate(_HALF_WIDTH)
+
+
 def plain(unit: str) -> str:
     """A unit without brackets around it, with one kind of micro sign and epsilon.
 
     >>> plain("[με]"), plain("ms-2"), plain("mms-1"), plain("1E-3 g/N"), plain("×10⁻⁶"), plain("g/N x10-3")
     ('µε', 'm/s2', 'mm/s', '1e-3*g/N', '1e-6*1', '1e-3*g/N')
     """
-    bare = unit.strip().rstrip(".").translate(_ONE_SIGN)
+    bare = half_width(unit).strip().rstrip(".").translate(_ONE_SIGN)
     for raised, power in _RAISED.items():
         bare = bare.replace(raised, power)
     if len(bare) < _LONGEST and (behind := _POWER_BEHIND.fullmatch(bare)):  # as in "m/s² x10-3"
@@ -340,6 +355,7 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
     """
     if len(name) > _LONGEST_NAME:
         return name, ""
+    name = half_width(name)
     for match in reversed(list(_IN_BRACKETS.finditer(name))):
         # as in "Strain 1 (Strain (%))"
         inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""
@@ -366,7 +382,7 @@ def unread_unit(name: str) -> str:
     >>> unread_unit("Frequency [bins]"), unread_unit("Frequency [Hz]"), unread_unit("f")
     ('bins', '', '')
     """
-    held = [match[1].strip() for match in _IN_BRACKETS.finditer(name)]
+    held = [match[1].strip() for match in _IN_BRACKETS.finditer(half_width(name))]
     known = not held or held[-1].lower() in NO_UNIT or read_unit(held[-1]) is not None
     return "" if known else held[-1]
 

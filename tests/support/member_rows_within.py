@@ -232,7 +232,7 @@ _WITHOUT = {
     "BatchJobIn": "angle_deg campaign_id recipe specimen",
     "ColumnIn": "header unit",
     "CurveCouponIn": (
-        "chord_range chord_start columns decimal delimiter dimensions ends excluded"
+        "chord_range chord_start columns decimal delimiter dimensions encoding ends excluded"
         " exclusion_reason failure_code run specimen standard zero"
     ),
     "Dimensions": "gauge_length thickness transverse_gauge_length unit width",

@@ -19,7 +19,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, get_args
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.tables.numbers import Kind, is_complex, is_number, kind_of, number_reader
@@ -43,9 +43,12 @@ from modalbase.formats.units import level_of, read_unit
 SEPARATORS = {"tab": "\t", "semicolon": ";", "blank": " ", "comma": ","}
 """Names of separators, the likelier first: where two split a table alike, the first counts."""
 
-ENCODINGS = (
-    "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp850", "shift_jis"
-)  # fmt: skip
+Encoding = Literal[
+    "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1250", "cp1251", "cp1252", "latin-1", "cp850",
+    "shift_jis", "gbk", "big5", "euc_kr"
+]  # fmt: skip
+"""What a text may be stated to be written in."""
+
 _COMMENTS = "#%"
 _MOST_WORDS = 200  # of a preamble that are looked at
 _MOST_HEADINGS = 5
@@ -73,7 +76,11 @@ class Stated:
             return cls()
         if not isinstance(document, dict):
             raise FormatError(place, "is not an object")
-        expected = {"separator": tuple(SEPARATORS), "decimal": (".", ","), "encoding": ENCODINGS}
+        expected = {
+            "separator": tuple(SEPARATORS),
+            "decimal": (".", ","),
+            "encoding": get_args(Encoding),
+        }
         faults = [
             (f"{place}.{name}", f"is unknown; it has {', '.join((*expected, 'first_line'))}")
             for name in sorted(document.keys() - {*expected, "first_line"})

@@ -80,8 +80,8 @@ def encoding_of(file: BinaryIO) -> str:
         file.seek(0)
         return name
     raise FormatError("file", f"is not the {marked} text that it begins as" if marked else
-                      "is neither UTF-8, UTF-16 nor cp1252 text; export it as UTF-8, or state `encoding` of the table in"
-                      " the mapping, such as shift_jis")  # fmt: skip
+                      "is neither UTF-8, UTF-16 nor cp1252 text; export it as UTF-8, or state its `encoding`, such as"
+                      " shift_jis")  # fmt: skip
 
 
 @dataclass(frozen=True)

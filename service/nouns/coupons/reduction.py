@@ -70,7 +70,9 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
         for name, c in request.columns.items()
     }
     try:
-        file = read_machine_csv(path.read_bytes(), columns, request.delimiter, request.decimal)
+        file = read_machine_csv(
+            path.read_bytes(), columns, request.delimiter, request.decimal, request.encoding
+        )
     except FormatError as error:
         raise InputError(error.place, error.message) from error
     _require_sizes(file.sizes, request)

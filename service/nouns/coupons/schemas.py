@@ -14,6 +14,7 @@ from fecore.coupons.curves import Ends
 from fecore.errors import InputError
 from fecore.quantities import Quantity
 from modalbase.formats.machine_csv import factor
+from modalbase.formats.tables.layout import Encoding
 from service.platform.web import Name, RequestModel, StrictModel, Text, example, wrong
 from service.platform.web.quantities import (
     COUPON_SIZE,
@@ -325,6 +326,9 @@ class CurveCouponIn(_Excludable, RequestModel):
         None, description="found out where it is not stated"
     )
     decimal: Literal[".", ","] | None = Field(None, description="found out where it is not stated")
+    encoding: Encoding | None = Field(
+        None, description="found out where it is not stated, if it is UTF-8, UTF-16 or cp1252"
+    )
     run: int | None = Field(
         None, ge=1, le=1000, description="which run counts, from 1, where the machine was restarted"
     )

@@ -54,6 +54,21 @@ def test_encodings_and_inches_and_pounds(encoding: str, name: str) -> None:
     assert parsed.units == {"force": "lbf", "strain": "µm/m", "extension": "in"}
 
 
+def test_a_stated_encoding_and_letters_of_full_width() -> None:
+    columns = {"force": Column("試験力", "force"), "strain": Column("ひずみ", "strain")}
+    text = "試験力（ｋＮ）,ひずみ ［％］\n1,0.1\n2,0.2\n"
+    with pytest.raises(FormatError, match=r"nor cp1252 text; .*state its `encoding`"):
+        read(text, "shift_jis", columns)
+    with pytest.raises(FormatError, match=r"no line has .*; it was read as cp1252: state its"):
+        read("Нагрузка (N),Strain (%)\n1,0.1\n", "cp1251", LOAD)
+    with pytest.raises(FormatError, match="is stated as gbk, and the file is not"):
+        read_machine_csv(b"\xff\xff", columns, encoding="gbk")
+    parsed = read_machine_csv(text.encode("shift_jis"), columns, encoding="shift_jis")
+    np.testing.assert_allclose(parsed.runs[0].columns["force"], [1000, 2000], rtol=1e-15)
+    np.testing.assert_allclose(parsed.runs[0].columns["strain"], [1e-3, 2e-3], rtol=1e-15)
+    assert (parsed.encoding, parsed.units) == ("shift_jis", {"force": "kN", "strain": "%"})
+
+
 UNITS = [
     ("stress", "psi", 6894.757293168361),
     ("stress", "ksi", 6894757.293168361),
