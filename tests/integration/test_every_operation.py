@@ -6,10 +6,16 @@ The long runs ask for longer.
 """
 
 from collections.abc import Iterator
+from itertools import chain
 
 import pytest
 
+from service.app.composition import ROUTERS
 from service.app.supervisor import LocalService
+from service.platform.access.keys import require_scope
+from service.platform.access.tables import ApiKey
+from service.platform.errors import Forbidden
+from service.platform.web.routing import StrictRoute
 from tests.support import access, furnished
 from tests.support.fuzz import fuzz
 from tests.support.lengths import long
@@ -40,7 +46,7 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(
     del judged["GET /alarms"]
     monkeypatch.setattr(furnished, "judgements", lambda: judged)
     only = ["GET /projects/{project_id}", "GET /structures/{structure_id}"]
-    leaks = asked.run(only=only).leaks
+    leaks = asked.run(long=True, only=only).leaks
     assert any(leak.startswith("GET /alarms: nobody has judged") for leak in leaks)
     assert any(
         leak.startswith("GET /projects/{project_id}, viewer, own id: should be 403; it is 200")
@@ -52,7 +58,18 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(
     )
 
 
-@pytest.mark.parametrize(("times", "among"), [(1, 3), long(10, 1)])
+def test_each_route_asks_for_the_scope_that_it_is_judged_to() -> None:
+    """`require_scope` is asked before any route; here it says what each asks for."""
+    judged = furnished.judgements()
+    for route in chain.from_iterable(router.routes for router in ROUTERS):
+        assert isinstance(route, StrictRoute)
+        for method in route.methods - {"HEAD"}:
+            scope, _ = judged[f"{method} {route.label}"]
+            with pytest.raises(Forbidden, match=f"a key of the scope {scope};"):
+                require_scope(ApiKey(scopes=[]), {"route": route, "method": method})
+
+
+@pytest.mark.parametrize(("times", "among"), [(1, 4), long(10, 1)])
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
     idle: LocalService, times: int, among: int
 ) -> None:
