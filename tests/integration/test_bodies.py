@@ -14,7 +14,6 @@ import pytest
 
 from fecore.updating.posterior import prior_of_scatter
 from modalbase.formats.uff import Element, GridPoint, ModeShape
-from tests.support.lengths import long
 from tests.support.places import shared_file
 from tests.support.profiles import ANGLE, TRUTH, measured
 from tests.support.rest import finished, ok, result_of
@@ -52,12 +51,13 @@ def updated(
     return job.headers["Location"], result_of(api, job.headers["Location"])
 
 
-@pytest.mark.parametrize("boundary", ["cantilever", long("free"), long("simply_supported")])
+@pytest.mark.long
+@pytest.mark.parametrize("boundary", ["cantilever", "free", "simply_supported"])
 def test_constants_of_each_wall_come_back_from_an_empty_recipe(
     api: httpx.Client, project: str, boundary: str
 ) -> None:
     """The main promise of bodies in space, as a user meets it: FRFs go in, the constants of each
-    wall come out within their intervals.
+    wall come out within their intervals. With coupons of one wall it always runs, below.
     """
     structure = made(api, project)
     address, result = updated(api, structure["id"], measured(boundary=boundary), boundary)
@@ -66,9 +66,7 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(
     assert list(constants)[:10] == [
         f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
     ]
-    for name, value in TRUTH.items():
-        low, high = constants[name]["interval_95"]
-        assert low < value < high, name
+    require_truth(constants)
     assert constants["flange.E1"]["unit"] == "Pa"
     sources = {entry["source"] for entry in constants["web.E1"]["budget"]}
     largest = "clamp" if boundary == "cantilever" else "web.density"
@@ -82,6 +80,13 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(
     (row,) = ok(api.get("search/results", params=query), 200)["items"]
     assert row["flange.E1"] == constants["flange.E1"]["estimate"]
     get_shown(api, address)
+
+
+def require_truth(constants: dict[str, Any]) -> None:
+    """Each constant that is not as it was stated is within its interval."""
+    for name, value in TRUTH.items():
+        low, high = constants[name]["interval_95"]
+        assert low < value < high, name
 
 
 def uff_contents(content: bytes) -> list[Any]:
@@ -155,9 +160,7 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
     assert list(constants) == [
         f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
     ]
-    for name, value in TRUTH.items():
-        low, high = constants[name]["interval_95"]
-        assert low < value < high, name
+    require_truth(constants)
     assert {row["name"] for row in result["campaigns"][0]["own"]} >= {
         "flange.t",
         "web.density",
@@ -203,19 +206,16 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(
     low = {"identification": {"band_hz": [5, 250]}}
     recipe = {"prior_from_coupon_batch": batch, **FEW_MODES, **low}
     sensor = {"sensor_mass_kg": 0.002, "sensor_point": 2}
-    _, result = updated(api, structure, measured(), "free", recipe, instruments=sensor)
+    address, result = updated(api, structure, measured(), "free", recipe, instruments=sensor)
     constants = {row["name"]: row for row in result["parameters"]}
     assert "sensor_mass" in {each["source"] for row in constants.values() for each in row["budget"]}
     assert constants["web.E2"]["prior_mean"] == TRUTH["web.E2"]
     # one more piece than the twenty
     assert COUPON_SD < constants["web.E2"]["prior_sd"] < 1.1 * COUPON_SD
     assert constants["flange.E2"]["prior_mean"] == ANGLE["shape"]["material"]["E2_Pa"]
-    assert (
-        constants["web.E2"]["interval_95"][0]
-        < TRUTH["web.E2"]
-        < constants["web.E2"]["interval_95"][1]
-    )
+    require_truth(constants)
     assert constants["web.E2"]["standard_deviation"] <= constants["web.E2"]["prior_sd"]
+    get_shown(api, address)
 
 
 def test_a_shape_is_kept_in_versions(api: httpx.Client, project: str) -> None:
@@ -320,13 +320,13 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(
     plain = {"boundary": "free", "highest_hz": 1000}
     coupons = {"constants": ["Ey"], "sets": ["web"], "pieces": 5}
     sent = {
-        "tests": [plain, {**plain, "boundary": "cantilever"}],
+        "tests": [plain],
         "coupons": [coupons],
         "points_to_hit": 6,
     }
     plan = ok(api.post(f"structures/{structure}/plans", json={**sent, "about": "web.E2"}), 200)
     items = {item["name"]: item for item in plan["items"]}
-    assert set(items) == {"coupons 1: Ey of web", "1: angle, free", "2: angle, cantilever"}
+    assert set(items) == {"coupons 1: Ey of web", "1: angle, free"}
     # before any test, how far walls differ is only known by its prior
     scatters, probability = prior_of_scatter(0.15)
     variance = np.log1p(0.3**2) + probability @ np.log1p(scatters**2)
