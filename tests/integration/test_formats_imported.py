@@ -16,7 +16,8 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from service.app.supervisor import LocalService
-from tests.support.bombs import MOST_GROWTH, throw
+from tests.support.bombs import ALIASES, MOST_GROWTH, throw
+from tests.support.lengths import long
 from tests.support.rest import RAW, campaigns_of, client_of, ok
 from tests.support.waiting import until
 
@@ -270,9 +271,10 @@ def test_who_waits_for_a_file_keeps_nobody_else_waiting(
         assert {one.result().status_code for one in waits} == {202}
 
 
+@pytest.mark.parametrize("aliased", [["csv"], long(list(ALIASES))])
 def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(
-    service: LocalService,
+    service: LocalService, aliased: list[str]
 ) -> None:
-    outcome = throw(service, count=1, mib=72)
+    outcome = throw(service, 1, 72, aliased)
     assert not outcome.faults
     assert outcome.growth < MOST_GROWTH

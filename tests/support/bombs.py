@@ -1,27 +1,24 @@
 """Files that cost little to send and much to read, thrown at a service all at once."""
 
-import http.client
 import io
 import json
 import multiprocessing
 import struct
-import time
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 
 import httpx
 import numpy as np
-import psutil
 
 from modalbase.formats.registry import FORMATS
 from service.app.supervisor import LocalService
 from tests.support.rest import campaigns_of, client_of, finished
+from tests.support.watching import watch
 
 MIB = 1024 * 1024
 LARGE, MOST_GROWTH, MOST_SECONDS = 512, 60e6, 0.3
@@ -108,14 +105,17 @@ class Outcome:
     faults: list[str] = field(default_factory=list)
 
 
-def throw(service: LocalService, count: int, mib: int = LARGE) -> Outcome:
-    """Throw so many bombs of each format, all at once, at `…/imports`, and at `…/records` and
-    `…/frfs` where these take it.
+def throw(
+    service: LocalService, count: int, mib: int = LARGE, aliased: Iterable[str] = ALIASES
+) -> Outcome:
+    """Throw so many bombs of each format, all at once, at `…/imports`, and those of some formats at
+    `…/records` and `…/frfs` where these take it.
 
     The API reads none of them: its memory stays, `/healthz` answers meanwhile, and every file is
     refused in words.
     """
-    kinds = [(where, form) for form in FORMATS for where in ("imports", *ALIASES.get(form, ()))]
+    kinds = [("imports", form) for form in FORMATS]
+    kinds += [(where, form) for form in aliased for where in ALIASES[form]]
     files = {(form, n): bomb(form, n, mib) for form in FORMATS for n in range(count)}
     with client_of(service, "bombs") as api:
         (campaign,), found = campaigns_of(api, "bombs"), Outcome()
@@ -165,7 +165,7 @@ def _watched(service: LocalService, found: Outcome) -> Iterator[None]:
     here, there = own.Pipe()
     host, _, port = service.url.removeprefix("http://").partition(":")
     process = own.Process(
-        target=_watch, args=((host, int(port)), service.processes["api"].pid, there)
+        target=watch, args=((host, int(port)), service.processes["api"].pid, there)
     )
     process.start()
     here.recv()
@@ -175,19 +175,3 @@ def _watched(service: LocalService, found: Outcome) -> Iterator[None]:
         here.send(None)
         found.growth, found.slowest = here.recv()
         process.join()
-
-
-def _watch(address: tuple[str, int], pid: int, channel: Connection) -> None:
-    """Look at memory and health until something is sent, then send back the most of both."""
-    process, growth, slowest = psutil.Process(pid), 0, 0.0
-    before = process.memory_info().rss
-    channel.send(None)
-    while not channel.poll(0.02):
-        line = http.client.HTTPConnection(*address, timeout=60)
-        began = time.perf_counter()
-        line.request("GET", "/healthz")
-        assert line.getresponse().status == 200
-        slowest = max(slowest, time.perf_counter() - began)
-        line.close()
-        growth = max(growth, process.memory_info().rss - before)
-    channel.send((growth, slowest))
