@@ -232,6 +232,7 @@ def service(
         webhook_ports="1-65535",
         delivery_pause_seconds=0.05,
         campaign_settle_seconds=0.0,
+        retention_sweep_seconds=0.5,
     ) as running:
         request.session.stash[RUNNING] = running
         yield running

@@ -2,36 +2,22 @@
 
 import io
 import json
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
 import numpy as np
-import pytest
 from scipy.io import wavfile
 from sqlalchemy import NullPool, create_engine, text
 
 from service.app.backup.verification import deleted_by_rules, find_damage
 from service.app.supervisor import LocalService
 from tests.integration.test_recordings import CHANNELS, ORDER, TIMES
-from tests.support.rest import RAW, client_of, finished, ok, posted, session_client
+from tests.support.rest import RAW, finished, ok, posted, session_client
 from tests.support.waiting import until
 from tests.support.wind import WIND, wind
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
 SENTENCE = "original deleted by the retention rule on 20"
-
-
-@pytest.fixture(scope="module")
-def quick(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    with new_service(retention_sweep_seconds=0.2) as running:
-        yield running
-
-
-@pytest.fixture
-def api(quick: LocalService) -> Iterator[httpx.Client]:
-    with client_of(quick, "archivist") as client:
-        yield client
 
 
 class Laboratory:
@@ -59,7 +45,7 @@ class Laboratory:
         """An import of six hits at two points."""
         whole = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
         file = io.BytesIO()
-        wavfile.write(file, int(RATE), np.round(whole.T * 0.25 * 2**31).astype(np.int32))
+        wavfile.write(file, int(RATE), np.round(whole.T * 0.24 * 2**31).astype(np.int32))
         mapping = json.dumps({"channels": CHANNELS, "recording": {"order": ORDER}})
         query = {"mapping": mapping, "filename": "long.wav"}
         path = f"campaigns/{campaign}/imports"
@@ -74,10 +60,14 @@ class Laboratory:
 
     def pass_days(self, days: int) -> None:
         """Let all that was imported have been so many days ago."""
+        campaigns = f"SELECT id FROM campaigns WHERE structure_id = '{self.structure}'"
         with self.engine.begin() as connection:
-            for table, column in (("jobs", "finished_at"), ("records", "created_at")):
+            for table, column, own in (
+                ("jobs", "finished_at", f"project_id = '{self.project}'"),
+                ("records", "created_at", f"campaign_id IN ({campaigns})"),
+            ):
                 moved = f"UPDATE {table} SET {column} = {column} - interval '{days} days'"
-                connection.execute(text(moved))
+                connection.execute(text(f"{moved} WHERE {own}"))
 
     def deleted(self, item: dict[str, Any]) -> Any:
         return ok(self.api.get(f"imports/{item['id']}"))["bytes_deleted_at"]
@@ -86,11 +76,11 @@ class Laboratory:
         return self.api.get(f"imports/{item['id']}/original").status_code
 
 
-def test_files_go_and_what_was_made_of_them_stays(api: httpx.Client, quick: LocalService) -> None:
-    lab = Laboratory(api, quick.settings.database_url)
-    other = Laboratory(api, quick.settings.database_url, None)
-    old, unread, trashed = (lab.recording(n, processed=n != 2) for n in (1, 2, 3))
-    kept = other.recording(1)  # the same bytes where no rule is
+def test_files_go_and_what_was_made_of_them_stays(api: httpx.Client, service: LocalService) -> None:
+    lab = Laboratory(api, service.settings.database_url)
+    other = Laboratory(api, service.settings.database_url, None)
+    old, unread, trashed = (lab.recording(n, processed=n != 22) for n in (21, 22, 23))
+    kept = other.recording(21)  # the same bytes where no rule is
     campaign = {"name": "hits", "boundary": "free"}
     hits = posted(api, f"structures/{lab.structure}/campaigns", campaign)["id"]
     hit = lab.hits(hits)
@@ -134,7 +124,7 @@ def test_files_go_and_what_was_made_of_them_stays(api: httpx.Client, quick: Loca
     noted = [one["detail"] for one in events if one["action"] == "campaign.retention"]
     assert {"upload": old["sha256"]} in [one["files"] for one in noted]
     assert sum(one["time_blocks"] for one in noted) == 12
-    with session_client(api, base=quick.url) as browser:
+    with session_client(api, base=service.url) as browser:
         for place, words in (
             (f"campaigns/{old['campaign_id']}", SENTENCE),
             (f"imports/{old['id']}", SENTENCE),
@@ -154,19 +144,19 @@ def test_files_go_and_what_was_made_of_them_stays(api: httpx.Client, quick: Loca
     # the same bytes are known, and are stored anew where they are sent to another structure
     again = api.post(
         f"structures/{lab.structure}/imports",
-        content=wind(3),
+        content=wind(23),
         params={"campaign": json.dumps({**campaign, "performed_at": "2026-03-02T09:30:00Z"})},
         headers=RAW,
     )
     assert ok(again, 200)["id"] == trashed["id"]
-    anew = other.recording(3, processed=False)
+    anew = other.recording(23, processed=False)
     assert (other.status(anew), lab.status(trashed)) == (200, 410)
     answer = api.delete(f"imports/{old['id']}")
     assert answer.status_code in (204, 409)
 
 
-def test_a_rule_is_changed_and_ended(api: httpx.Client, quick: LocalService) -> None:
-    lab = Laboratory(api, quick.settings.database_url)
+def test_a_rule_is_changed_and_ended(api: httpx.Client, service: LocalService) -> None:
+    lab = Laboratory(api, service.settings.database_url)
     address = f"structures/{lab.structure}"
     for value, status in ((0, 422), (10.5, 422), (365, 200), (None, 200)):
         tag = api.get(address).headers["ETag"]

@@ -2,7 +2,6 @@
 project stores.
 """
 
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -19,7 +18,7 @@ from service.platform.db.engine import Sessions, psycopg_url
 from service.platform.errors import NotFound
 from tests.support.furnished import MODES, frfs, record
 from tests.support.laboratory import BEAM
-from tests.support.rest import RAW, client_of, every_page, finished, ok
+from tests.support.rest import RAW, every_page, finished, ok
 from tests.support.waiting import until
 
 PLY = {
@@ -151,14 +150,18 @@ def test_what_was_removed_since_it_was_found_is_not_found(sessions: Sessions) ->
 # --- how much a project stores, and what happens beyond what it may
 # -----------------------------------------------------
 
-QUOTA = 800_000
+ROOM = 800_000
 
 
-@pytest.fixture(scope="module")
-def small(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    """A service with room for two of the paper's files, and a worker."""
-    with new_service(project_quota_bytes=QUOTA) as running:
-        yield running
+@pytest.fixture
+def narrow(api: httpx.Client, service: LocalService, project: str) -> dict[str, Any]:
+    """The account of a project that has room for two of the paper's files left."""
+    account: dict[str, Any] = ok(api.get(f"projects/{project}/storage"), 200)
+    assert account == {"used_bytes": 0, "allowed_bytes": 102400 * 2**20, "parts": {}}
+    filled = "INSERT INTO stored_bytes (project_id, kind, size) VALUES (%s, 'curves', %s)"
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        connection.execute(filled, [project, account["allowed_bytes"] - ROOM])
+    return ok(api.get(f"projects/{project}/storage"), 200)
 
 
 def campaign_in(client: httpx.Client, project: str) -> tuple[str, str]:
@@ -171,110 +174,109 @@ def upload(client: httpx.Client, campaign: str, content: bytes, **params: Any) -
     return client.post(f"campaigns/{campaign}/imports", content=content, params=params, headers=RAW)
 
 
-def test_what_is_stored_is_counted_and_beyond_the_quota_refused(small: LocalService) -> None:
-    with client_of(small, "ada") as client:
-        project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
-        structure, campaign = campaign_in(client, project)
+def test_what_is_stored_is_counted_and_beyond_the_quota_refused(
+    api: httpx.Client, project: str, narrow: dict[str, Any]
+) -> None:
+    structure, campaign = campaign_in(api, project)
 
-        def storage() -> dict[str, Any]:
-            used: dict[str, Any] = ok(client.get(f"projects/{project}/storage"), 200)
-            assert used["used_bytes"] == sum(used["parts"].values())
-            return used
+    def storage() -> dict[str, Any]:
+        used: dict[str, Any] = ok(api.get(f"projects/{project}/storage"), 200)
+        assert used["used_bytes"] == sum(used["parts"].values())
+        return used
 
-        assert storage() == {"used_bytes": 0, "allowed_bytes": QUOTA, "parts": {}}
-        file = paper.uff_file()
-        sent = upload(client, campaign, file)
-        assert finished(client, sent.headers["Location"])["status"] == "succeeded"
-        listed = ok(client.get(f"campaigns/{campaign}/frfs"), 200)["items"]
-        spectra = sum(
-            frf["lines"] * int(frf["dtype"].removeprefix("complex")) // 8 for frf in listed
-        )
-        assert storage()["parts"] == {"files": len(file), "frfs": spectra}
+    assert storage() == narrow
+    file = paper.uff_file()
+    sent = upload(api, campaign, file)
+    assert finished(api, sent.headers["Location"])["status"] == "succeeded"
+    listed = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    spectra = sum(frf["lines"] * int(frf["dtype"].removeprefix("complex")) // 8 for frf in listed)
+    assert storage()["parts"] == narrow["parts"] | {"files": len(file), "frfs": spectra}
 
-        stored = ok(client.post(f"campaigns/{campaign}/records", json=record()), 201)["items"]
-        samples = sum(row["samples"] * 8 for row in stored)
-        assert storage()["parts"]["records"] == samples
-        ok(client.delete(f"records/{stored[0]['id']}"), 204)
-        assert storage()["parts"]["records"] == samples - 512
-        ok(client.post(f"campaigns/{campaign}/mode-sets", json={"name": "m", "modes": MODES}), 201)
-        before = storage()
-        assert before["parts"]["modes"] > 50
+    stored = ok(api.post(f"campaigns/{campaign}/records", json=record()), 201)["items"]
+    samples = sum(row["samples"] * 8 for row in stored)
+    assert storage()["parts"]["records"] == samples
+    ok(api.delete(f"records/{stored[0]['id']}"), 204)
+    assert storage()["parts"]["records"] == samples - 512
+    ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "m", "modes": MODES}), 201)
+    before = storage()
+    assert before["parts"]["modes"] > 50
 
-        assert upload(client, campaign, file).status_code == 200  # the same bytes need no room
-        _, second = campaign_in(client, project)
-        refused = ok(upload(client, second, file + b" " * 200_000), 413)
-        assert f"stores {before['used_bytes']} of the {QUOTA} bytes" in refused["detail"]
-        assert "MODALBASE_PROJECT_QUOTA_BYTES" in refused["detail"]
-        assert ok(client.get(f"campaigns/{second}/imports"), 200)["items"] == []
-        assert storage() == before
+    assert upload(api, campaign, file).status_code == 200  # the same bytes need no room
+    _, second = campaign_in(api, project)
+    refused = ok(upload(api, second, file + b" " * 200_000), 413)
+    allowed = before["allowed_bytes"]
+    assert f"stores {before['used_bytes']} of the {allowed} bytes" in refused["detail"]
+    assert "MODALBASE_PROJECT_QUOTA_BYTES" in refused["detail"]
+    assert ok(api.get(f"campaigns/{second}/imports"), 200)["items"] == []
+    assert storage() == before
 
-        room = QUOTA - before["used_bytes"]
-        ok(upload(client, second, b" " * room), 202)  # exactly full
-        for path, body in (
-            (f"campaigns/{campaign}/update-jobs", {}),
-            (f"campaigns/{campaign}/identifications", {}),
-            (f"campaigns/{campaign}/processings", {}),
-            (f"campaigns/{campaign}/frfs", frfs(7)),
-            (f"campaigns/{campaign}/records", record(hit=9)),
-            (f"campaigns/{campaign}/mode-sets", {"name": "m", "modes": MODES}),
-        ):
-            assert "purge what nobody needs" in ok(client.post(path, json=body), 413)["detail"], (
-                path
-            )
+    room = allowed - before["used_bytes"]
+    ok(upload(api, second, b" " * room), 202)  # exactly full
+    for path, body in (
+        (f"campaigns/{campaign}/update-jobs", {}),
+        (f"campaigns/{campaign}/identifications", {}),
+        (f"campaigns/{campaign}/processings", {}),
+        (f"campaigns/{campaign}/frfs", frfs(7)),
+        (f"campaigns/{campaign}/records", record(hit=9)),
+        (f"campaigns/{campaign}/mode-sets", {"name": "m", "modes": MODES}),
+    ):
+        assert "purge what nobody needs" in ok(api.post(path, json=body), 413)["detail"], path
 
-        ok(client.delete(f"structures/{structure}"), 204)
-        assert storage()["used_bytes"] == QUOTA  # hidden, not gone
-        ok(client.post(f"structures/{structure}/purge"), 204)
-        assert storage()["parts"] == {"files": room}
-        ok(client.post(f"campaigns/{second}/records", json=record()), 201)
+    ok(api.delete(f"structures/{structure}"), 204)
+    assert storage()["used_bytes"] == allowed  # hidden, not gone
+    ok(api.post(f"structures/{structure}/purge"), 204)
+    assert storage()["parts"] == narrow["parts"] | {"files": room}
+    ok(api.post(f"campaigns/{second}/records", json=record()), 201)
 
 
-def test_an_import_whose_frfs_have_no_room_ends_with_the_reason(small: LocalService) -> None:
+@pytest.mark.usefixtures("narrow")
+def test_an_import_whose_frfs_have_no_room_ends_with_the_reason(
+    api: httpx.Client, project: str
+) -> None:
     """The file has room, what is in it has not: nothing of it stays, and the job is refused, not
     broken.
     """
-    with client_of(small, "ben") as client:
-        project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
-        _, campaign = campaign_in(client, project)
-        filler = upload(client, campaign, b" " * (QUOTA - len(paper.uff_file())), dry_run=True)
-        sent = upload(client, campaign, paper.uff_file())
-        ended = finished(client, sent.headers["Location"])
-        assert (filler.status_code, ended["status"], ended["error"]["reason"]) == (
-            202,
-            "failed",
-            "refused",
-        )
-        assert "MODALBASE_PROJECT_QUOTA_BYTES" in ended["message"]
-        assert ok(client.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
+    _, campaign = campaign_in(api, project)
+    filler = upload(api, campaign, b" " * (ROOM - len(paper.uff_file())), dry_run=True)
+    sent = upload(api, campaign, paper.uff_file())
+    ended = finished(api, sent.headers["Location"])
+    assert (filler.status_code, ended["status"], ended["error"]["reason"]) == (
+        202,
+        "failed",
+        "refused",
+    )
+    assert "MODALBASE_PROJECT_QUOTA_BYTES" in ended["message"]
+    assert ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
 
 
-def test_uploads_at_the_same_moment_do_not_pass_the_quota_together(small: LocalService) -> None:
+def test_uploads_at_the_same_moment_do_not_pass_the_quota_together(
+    api: httpx.Client, project: str, service: LocalService, narrow: dict[str, Any]
+) -> None:
     """Four files of which two have room, all found to have room before any is committed."""
-    with client_of(small, "eve") as client, ThreadPoolExecutor(4) as pool:
-        project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
-        # uploads into one follow each other
-        campaigns = [campaign_in(client, project)[1] for _ in range(4)]
-        with psycopg.connect(psycopg_url(small.settings.database_url or "")) as held:
-            held.execute(
-                "SELECT pg_advisory_xact_lock(hashtextextended(%s, 0))", [f"storage {project}"]
-            )
-            sent = [
-                pool.submit(upload, client, campaign, b"%d" % number * 300_000, dry_run=True)
-                for number, campaign in enumerate(campaigns)
-            ]
-            waiting = (
-                "SELECT count(*) = 4 FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
-            )
-            until(lambda: _answers(small, waiting), "the four uploads wait to be committed")
-            held.rollback()
-        statuses = [answer.result().status_code for answer in sent]
-        assert sorted(statuses) == [202, 202, 413, 413]
-        assert ok(client.get(f"projects/{project}/storage"), 200)["used_bytes"] == 600_000
-        stored = [
-            len(ok(client.get(f"campaigns/{campaign}/imports"), 200)["items"])
-            for campaign in campaigns
+    # uploads into one follow each other
+    campaigns = [campaign_in(api, project)[1] for _ in range(4)]
+    with (
+        ThreadPoolExecutor(4) as pool,
+        psycopg.connect(psycopg_url(service.settings.database_url or "")) as held,
+    ):
+        held.execute(
+            "SELECT pg_advisory_xact_lock(hashtextextended(%s, 0))", [f"storage {project}"]
+        )
+        sent = [
+            pool.submit(upload, api, campaign, b"%d" % number * 300_000, dry_run=True)
+            for number, campaign in enumerate(campaigns)
         ]
-        assert sorted(stored) == [0, 0, 1, 1]
+        waiting = "SELECT count(*) = 4 FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+        until(lambda: _answers(service, waiting), "the four uploads wait to be committed")
+        held.rollback()
+        statuses = [answer.result().status_code for answer in sent]
+    assert sorted(statuses) == [202, 202, 413, 413]
+    used = ok(api.get(f"projects/{project}/storage"), 200)["used_bytes"]
+    assert used - narrow["used_bytes"] == 600_000
+    stored = [
+        len(ok(api.get(f"campaigns/{campaign}/imports"), 200)["items"]) for campaign in campaigns
+    ]
+    assert sorted(stored) == [0, 0, 1, 1]
 
 
 def _answers(service: LocalService, question: str) -> bool:
