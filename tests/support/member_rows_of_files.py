@@ -123,6 +123,7 @@ FILES: dict[str, Body] = {
         {"quantity": "mobility"},
         fresh=CAMPAIGN,
         then="",
+        short=("file", "body.mapping"),
     ),
     "POST /campaigns/{campaign_id}/imports application/octet-stream": Body(
         _imports(HITS_CSV),
@@ -139,6 +140,7 @@ FILES: dict[str, Body] = {
         {"quantity": "mobility", "filename": "f.csv", "campaign": _DATED},
         fresh=STRUCTURE,
         then="",
+        short=("campaign", "kind", "complete", "confirm"),
     ),
     "POST /structures/{structure_id}/imports multipart/form-data": Body(
         {
@@ -154,6 +156,7 @@ FILES: dict[str, Body] = {
         {"quantity": "mobility", "campaign": _DATED},
         fresh=STRUCTURE,
         then="",
+        short=("file", "body.campaign", "body.mapping"),
     ),
     "GET /campaigns/{campaign_id}/grid-points": Body(
         {"limit": Refused(1, {"?format": "csv"}), "cursor": Refused("1", {"?format": "csv"})}
@@ -201,6 +204,7 @@ FILES: dict[str, Body] = {
         },
         {"file": ["h.npz", HITS_NPZ], "mapping": MAPPING},
         fresh=CAMPAIGN,
+        short=("body.mapping", "file"),
     ),
     "POST /campaigns/{campaign_id}/records application/octet-stream": Body(
         {
@@ -240,6 +244,7 @@ FILES: dict[str, Body] = {
         FRFS_CSV,
         {"quantity": "accelerance"},
         fresh=CAMPAIGN,
+        short=("mapping",),
     ),
     "POST /campaigns/{campaign_id}/frfs application/x-matlab-data": Body(
         {
@@ -249,6 +254,7 @@ FILES: dict[str, Body] = {
         FRFS_MAT,
         {"quantity": "accelerance", "mapping": json.dumps(OF_MAT)},
         fresh=CAMPAIGN,
+        short=("mapping",),
     ),
     "POST /campaigns/{campaign_id}/frfs application/x-npy": Body(
         {
@@ -258,12 +264,14 @@ FILES: dict[str, Body] = {
         FRFS_NPY,
         {"quantity": "accelerance", "mapping": json.dumps(OF_NPY)},
         fresh=CAMPAIGN,
+        short=("mapping",),
     ),
     "POST /campaigns/{campaign_id}/frfs application/x-hdf5": Body(
         {"quantity": "mobility", "mapping": To(json.dumps(OF_NPZ), "response_point")},
         FRFS_HDF5,
         {"quantity": "accelerance"},
         fresh=CAMPAIGN,
+        short=("mapping",),
     ),
     "GET /campaigns/{campaign_id}/frfs": Body(
         {**FRF_FILTER, "fmin": 100, "fmax": 0.5, **SUPERSEDED}, ids={"campaign_id": "small_id"}
@@ -328,6 +336,7 @@ FILES: dict[str, Body] = {
         {},
         ids={"campaign_id": "hits_id"},
         then="campaigns/{hits_id}/frfs",
+        short=("estimator", "overrules", "references"),
     ),
     "GET /campaigns/{campaign_id}/processings": Body(ids={"campaign_id": "hits_id"}),
     "POST /campaigns/{campaign_id}/mode-sets": Body(
@@ -360,6 +369,7 @@ FILES: dict[str, Body] = {
         },
         {"band_hz": [5, 500], "highest_order": 10},
         then="campaigns/{campaign_id}/mode-sets?limit=1",
+        short=("band_hz", "threshold", "name", "poles", "poles.frequency_hz", "poles.reason"),
     ),
     "GET /campaigns/{campaign_id}/identifications": Body(),
     "POST /structures/{structure_id}/coupon-batches": Body(
@@ -439,6 +449,7 @@ FILES: dict[str, Body] = {
         },
         {"modes": 3, "damping_ratio": 0.01, "line_spacing_hz": 5},
         then="forecasts/{id}/frfs/data",
+        short=("modes", "points", "points_to_measure", "damping_ratio"),
     ),
     "GET /structures/{structure_id}/forecasts": Body(),
     "POST /campaigns/{campaign_id}/update-jobs": Body(

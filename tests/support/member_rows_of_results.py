@@ -17,6 +17,7 @@ from tests.support.member_rows_of_things import (
     cancelled_together,
     unless_named,
 )
+from tests.support.member_rows_within import PLANNED
 from tests.support.members import Body, Refused, To, held
 
 
@@ -98,17 +99,23 @@ RESULTS: dict[str, Body] = {
     "GET /projects/{project_id}/joint-updates": Body(),
     "POST /structures/{structure_id}/plans": Body(
         {
-            "tests": To([{"boundary": "free", "highest_hz": 400}], "items"),
+            "tests": To([PLANNED], "items"),
             "made": To(
                 [{"campaign_id": "{campaign_id}", "mode_set": "{identified_id}"}], "known_sd"
             ),
             "points_to_hit": To(2, "points_m"),
-            "coupons": To([{"constants": ["Ex"]}], "items"),
+            "coupons": To([{"constants": ["Ex"], "pieces": 10, "scatter": 0.1}], "items"),
             "about": To("Gxy", "information_nats"),
         },
         {"tests": [{"boundary": "free", "highest_hz": 300}]},
+        short=("tests", "made", "points_to_hit", "coupons", "coupons.sets", "about"),
     ),
-    **{f"GET /search/{noun}": Body(_search(noun)) for noun in SEARCHED},
+    **{
+        f"GET /search/{noun}": Body(
+            _search(noun), short=() if noun == "results" else ("filter", "q", "sort")
+        )
+        for noun in SEARCHED
+    },
     "GET /search/results/trend": Body(
         {**_filters({}), "value": "Gxy", "covariates": "humidity_percent"}
     ),
@@ -126,7 +133,12 @@ RESULTS: dict[str, Body] = {
         {"filter": "campaign.id = '{second_campaign_id}'", "q": To("nowhere", status=404), **DATA},
         query={"filter": "campaign.id = '{campaign_id}'"},
     ),
-    "GET /search/campaigns/archive": Body(_filters({"status": 404})),
+    "GET /search/campaigns/archive": Body(
+        {
+            "filter": To("campaign.name = 'nothing'", status=404, beside={"?q": "wind"}),
+            "q": To("nowhere", status=404, beside={"?filter": "campaign.name = 'small_id'"}),
+        }
+    ),
     "POST /searches": Body(
         {
             "project": To("{second_project_id}", "project_id"),

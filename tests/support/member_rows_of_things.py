@@ -210,6 +210,7 @@ THINGS: dict[str, Body] = {
         {"units": "m-N-kg"},
         ids={"structure_id": "sent_id"},
         then="",
+        short=("file", "body.sections"),
     ),
     "POST /structures/{structure_id}/model application/octet-stream": Body(
         {

@@ -149,18 +149,19 @@ _WEIGHED = {
 }
 _COUPONS = {"coupons": [{"constants": ["Ex"]}]}
 _CUSUM, _WATCHED = {"chart": {"kind": "cusum"}}, {"parameters": [{"name": "Ex"}]}
-_PLANNED = {
+PLANNED: dict[str, Any] = {
     "highest_hz": 400,
     "boundary": "cantilever",
     "noise": 0.05,
     "damping_ratio": 0.02,
     "line_spacing_hz": 1.0,
 }
-_PLANNED |= {
+PLANNED |= {
     "points_m": [[0.1, 0.01], [0.3, 0.01]],
     "sensor_mass_kg": 0.01,
     **_MASSES["instruments"],
 }
+PLANNED |= {"sensor": 1, "structure_id": "{second_structure_id}"}
 
 WITHIN: dict[str, dict[str, Any]] = {
     "POST /projects/{project_id}/structures": STRUCTURE,
@@ -190,7 +191,7 @@ WITHIN: dict[str, dict[str, Any]] = {
     "POST /campaigns/{campaign_id}/identifications": {
         "poles.frequency_hz": held(300.0, "modes", _STATED),
         "poles.damping_ratio": held(0.02, "modes", _STATED),
-        "poles.reason": held("another", "decisions", _STATED),
+        "poles.reason": To("another", beside=_STATED, waits="never"),
     },
     "POST /structures/{structure_id}/coupon-batches": _rows(
         "published.*", {"mean": 30e9, "standard_deviation": 2e9, "n": 6}, None, _PUBLISHED
@@ -213,7 +214,7 @@ WITHIN: dict[str, dict[str, Any]] = {
         "hold_out.band_hz": held([50, 100], "frac"),
     },
     "POST /structures/{structure_id}/plans": {
-        **_rows("tests", _PLANNED | {"sensor": 1, "structure_id": "{second_structure_id}"}),
+        **_rows("tests", PLANNED),
         **_rows("tests.added_masses", {"x_m": 0.2, "mass_kg": 0.02}, beside=_WEIGHED),
         **_rows("coupons", {"constants": ["Ey"], "pieces": 10, "scatter": 0.1}, beside=_COUPONS),
         "coupons.sets": Refused(["web"], _COUPONS),
