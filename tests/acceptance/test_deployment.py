@@ -14,8 +14,9 @@ import tarfile
 import tomllib
 import zipfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -26,7 +27,9 @@ import yaml
 from packaging.requirements import Requirement
 
 from service.app.demo.run import Laboratory
-from tests.support.command import modalbase
+from service.app.supervisor import LocalService
+from tests.support.command import modalbase, modalbase_here
+from tests.support.laboratory import Done
 from tests.support.servers import password_server
 from tests.support.waiting import PATIENCE, until
 
@@ -313,10 +316,6 @@ def test_one_resolution_serves_the_image_and_the_tests() -> None:
 # --- the wheel and the source archive
 # -----------------------------------------------------------------------------------
 
-POISON = """import os
-open(os.environ["POISONED"], "a").write(__name__ + "\\n")
-raise ImportError("this is a laboratory's own file")
-"""
 LIGHT = {"httpx", "numpy", "platformdirs", "rich", "typer"}
 
 
@@ -352,32 +351,37 @@ def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -
     } <= names
 
 
+def test_the_demonstration_shows_what_it_found(
+    service: LocalService, demo: Done, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over a service that runs already, and the update that was made there."""
+    key = demo.api.headers["Authorization"].split()[1]
+    running = SimpleNamespace(url=service.url, new_key=lambda _: key)
+    monkeypatch.setattr("service.app.demo.run.LocalService", lambda *_, **__: nullcontext(running))
+    monkeypatch.setattr(Laboratory, "update_beam", lambda _: demo.result)
+    assert_the_papers_values(modalbase_here("demo", "--json"))
+
+
+@pytest.mark.long
 def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_running(
-    unpacked: Path, tmp_path: Path
+    unpacked: Path, laboratory: Path, tmp_path: Path
 ) -> None:
     """The folder's `signal.py` is no reason to stop, its `service.py` nothing to run, in no
-    process.
+    process. Its short forms are the demonstration above, and `test_up.py`, from the wheel in such a
+    folder.
     """
     mark = f"demo-test-{os.getpid()}"
-    folder, poisoned = tmp_path / "laboratory", tmp_path / "poisoned"
-    folder.mkdir()
-    for name in (
-        "signal",
-        "service",
-        "numpy",
-        "json",
-        "fecore",
-        "modalbase",
-        "multiprocessing",
-        "migrations",
-    ):
-        (folder / f"{name}.py").write_text(POISON)
-    around = {"PYTHONPATH": str(unpacked), "HOME": str(tmp_path)}
-    ended = modalbase(
-        "demo", "--json", cwd=folder, MODALBASE_TEST_MARK=mark, POISONED=str(poisoned), **around
+    around = {"PYTHONPATH": str(unpacked), "HOME": str(tmp_path), "MODALBASE_TEST_MARK": mark}
+    assert_the_papers_values(modalbase("demo", "--json", cwd=laboratory, **around))
+    until(
+        lambda: not _processes_with(mark),
+        "the end of all that it started",
+        lambda: _processes_with(mark),
     )
+
+
+def assert_the_papers_values(ended: subprocess.CompletedProcess[str]) -> None:
     assert ended.returncode == 0, ended.stderr
-    assert not poisoned.exists()
     result = json.loads(ended.stdout)  # the document and nothing else
     rows = {row["name"]: row for row in result["parameters"]}
     # the paper's; docs/results.md
@@ -389,11 +393,6 @@ def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_run
     assert "updated parameters" in ended.stderr
     assert "the paper's own measured damping, not its print" in " ".join(ended.stderr.split())
     assert "next: modalbase up" in ended.stderr
-    until(
-        lambda: not _processes_with(mark),
-        "the end of all that it started",
-        lambda: _processes_with(mark),
-    )
 
 
 def _processes_with(mark: str) -> list[str]:

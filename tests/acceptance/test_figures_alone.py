@@ -7,15 +7,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
-from tests.acceptance.test_browser import more_pages
 from tests.acceptance.test_correcting import bar
 from tests.support.browser import Watched, drawn
 from tests.support.rest import posted
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import httpx
+    from playwright.sync_api import Page
 
 HITS = "figure[data-figure$='/figures/hits']"
 X_OF_THE_RESPONSE = (
@@ -26,24 +24,18 @@ STYLES = 'document.querySelectorAll("path, use")].map((one) => getComputedStyle(
 COLORS = f"() => [...{STYLES}.map((style) => [style.fill, style.stroke])"
 
 
-def test_a_drawing_opened_alone_has_its_colours(
-    seen: Watched, api: httpx.Client, tmp_path: Path
-) -> None:
-    _, structure = bar(api)
-    campaign = more_pages(api, structure)[2].rsplit("/", 1)[1]
-    page = seen.goto(f"/ui/campaigns/{campaign}")
+def a_drawing_opened_alone_has_its_colours(page: Page, campaign: str) -> None:
     for theme, ground in (("light", "rgb(255, 255, 255)"), ("dark", "rgb(20, 23, 26)")):
         page.goto(f"/api/v1/campaigns/{campaign}/figures/hits?format=svg&theme={theme}")
         first, *_ = colors = page.evaluate(COLORS)
         assert first[0] == ground
         assert len({fill for fill, _ in colors}) > 2
         assert len({stroke for _, stroke in colors}) > 3
-        page.screenshot(path=tmp_path / f"{theme}.png")
 
 
 def test_what_a_zoom_brings_into_view_is_fetched(seen: Watched, api: httpx.Client) -> None:
     """The response of a hit of 16,384 samples: of the whole the least and greatest of each stretch,
-    of a part all.
+    of a part all. The drawing alone has its colours.
     """
     _, structure = bar(api)
     campaign = posted(
@@ -70,6 +62,7 @@ def test_what_a_zoom_brings_into_view_is_fetched(seen: Watched, api: httpx.Clien
     assert page.evaluate(
         f'document.querySelector("{HITS} .js-plotly-plot").layout.xaxis2.range'
     ) == [0.5, 0.51]
+    a_drawing_opened_alone_has_its_colours(page, campaign)
 
 
 def long_hit(count: int, rate: float) -> dict[str, object]:

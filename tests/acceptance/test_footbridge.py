@@ -7,12 +7,14 @@ import json
 import re
 import sys
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import httpx
 import pytest
 
 import modalbase
 from examples.footbridge import HAMMERS, LOSS, PER_KELVIN, QUESTIONS, campaign_of, main
+from modalbase.objects.campaigns import Campaign
 from service.app.supervisor import LocalService
 from tests.support.command import modalbase_here
 from tests.support.lengths import long
@@ -45,11 +47,19 @@ def expected(stringers: int) -> dict[str, int]:
     return counts
 
 
+def typed(campaign: Campaign) -> SimpleNamespace:
+    """A bending mode, in the place of an update."""
+    campaign.new_mode_set("typed", [{"frequency_hz": 25.0}])
+    return SimpleNamespace(wait=lambda: SimpleNamespace(check=lambda: None))
+
+
 @pytest.fixture
-def key(service: LocalService, stringers: int) -> str:
+def key(service: LocalService, stringers: int, updated: bool) -> str:
     """The key of a laboratory that has run the script as a user does, on one stringer or both."""
     key = service.new_key(f"bridge warden of {stringers}")
     with pytest.MonkeyPatch.context() as patch:
+        if not updated:
+            patch.setattr(Campaign, "update", typed)
         for name in list(LOSS)[stringers:]:
             patch.delitem(LOSS, name)
         words = ["--url", service.url, "--key", key, "--campaigns", str(CAMPAIGNS)]
@@ -64,11 +74,15 @@ def test_every_question_is_on_the_page_of_the_documents() -> None:
     assert len(QUESTIONS) == 10
 
 
-@pytest.mark.parametrize("stringers", [1, long(2)])
+@pytest.mark.parametrize(("stringers", "updated"), [(1, False), long(2, True)])
 def test_page_library_and_command_give_one_answer(
-    service: LocalService, key: str, new_client: Callable[..., httpx.Client], stringers: int
+    service: LocalService,
+    key: str,
+    new_client: Callable[..., httpx.Client],
+    stringers: int,
+    updated: bool,
 ) -> None:
-    """Ten questions of the guide by three doors, over updated campaigns."""
+    """Ten questions of the guide by three doors, over updated campaigns in the long run."""
     place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
     headers = {"Authorization": f"Bearer {key}"}
     known = expected(stringers)
@@ -79,13 +93,15 @@ def test_page_library_and_command_give_one_answer(
         for words, noun, text in QUESTIONS:
             count = lab.find(noun, text).count
             assert count == known.get(words, count), words
-            assert count > 0, words
+            assert (count > 0) is (updated or noun != "results"), words
             said = modalbase_here("find", noun, text, "--json", **place)
             assert json.loads(said.stdout)["count"] == count, said.stderr
             page = browser.get("/ui/search", params={"noun": noun, "for": text}).text
-            shown = re.search(r'<h2 id="count">([\d,]+) ', page)
+            shown = re.search(r'<h2 id="count">([\d,]+) |Nothing is found', page)
             assert shown is not None, html.unescape(page)
-            assert int(shown[1].replace(",", "")) == count
+            assert int((shown[1] or "0").replace(",", "")) == count
+        if not updated:
+            return
         trends_have_what_was_made(lab)
 
 

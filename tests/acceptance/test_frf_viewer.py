@@ -16,13 +16,14 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow
 from tests.support.browser import Watched, drawn, held, hindrances, signed_in, watched_page
+from tests.support.lengths import long
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-F0, ZETA, STEP, LINES, AVERAGES, COHERENCE = 100.0, 0.01, 0.05, 4000, 5, 0.98
+F0, ZETA, STEP, LINES, AVERAGES, COHERENCE = 100.0, 0.01, 0.05, 2400, 5, 0.98
 VIEWER = "[data-frf-viewer]"
 
 
@@ -93,8 +94,9 @@ def copied(page: Page, kind: str) -> str:
     return str(page.evaluate("navigator.clipboard.readText()"))
 
 
+@pytest.mark.parametrize("on_a_phone", [False, long(True)])
 def test_frfs_are_laid_over_one_another_read_and_copied(
-    running: Browser, service: LocalService
+    running: Browser, service: LocalService, on_a_phone: bool
 ) -> None:
     key = service.new_key("viewer")
     factors = (1.0, 0.5, -0.25)
@@ -131,6 +133,8 @@ def test_frfs_are_laid_over_one_another_read_and_copied(
             "nyquist",
         )
         assert page.locator("[data-frfs] tbody tr").count() == 2 * len(factors)
+    if not on_a_phone:
+        return
     with watched_page(running, service.url, width=390, height=844, dark=True, webgl=False) as seen:
         page = signed_in(seen, key, path)
         page.click(".phone button:text('Curves')")

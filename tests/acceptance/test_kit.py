@@ -56,7 +56,7 @@ def test_each_part_has_its_size_its_place_and_its_contrast(
                 assert page.evaluate(SMALL) == []
                 assert page.evaluate(COVERED) == []
                 assert overflow(seen) == 0
-                assert hindrances(page) == []
+            assert hindrances(page) == []
         assert page.evaluate(BARE) == []
 
 

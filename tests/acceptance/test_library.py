@@ -99,6 +99,9 @@ def test_the_main_job_reads_well(lab: modalbase.Laboratory, uff: Path, tmp_path:
     assert f" {result.parameters['Ex']['estimate'] / 1e9:.1f} " in line
     with pytest.raises(modalbase.ClientError, match=r"report\.txt"):
         job.report(tmp_path / "report.txt")
+    assert b"measured mode 1" in result.shapes(tmp_path / "beam.vtu").read_bytes()
+    with pytest.raises(modalbase.ClientError, match=r"no deck|deck"):
+        result.deck(tmp_path / "beam.inp")
     last = list(job.events())[-1]
     assert last["status"] == "succeeded"
 
@@ -337,7 +340,7 @@ def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory) -> None:
 
 
 def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path) -> None:
-    file, back = tmp_path / "angle.inp", tmp_path / "updated.inp"
+    file = tmp_path / "angle.inp"
     file.write_bytes(deck(1e-3))
     bracket = lab.new_project("decks").new_structure("bracket")
     assert bracket.model is None
@@ -358,6 +361,17 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     )
     assert again.sets["web"]["mass_kg"] == pytest.approx(model.sets["web"]["mass_kg"])
     assert model.save(tmp_path / "copy.inp").read_bytes() == file.read_bytes()
+
+
+@pytest.mark.long
+def test_an_updated_deck_comes_back(lab: modalbase.Laboratory, tmp_path: Path) -> None:
+    """The short forms are the deck above, those of `integration/test_models.py`, and the shapes of
+    the main job.
+    """
+    file, back = tmp_path / "angle.inp", tmp_path / "updated.inp"
+    file.write_bytes(deck(1e-3))
+    bracket = lab.new_project("decks").new_structure("bracket")
+    bracket.import_model(file, units="mm-N-t")
     uff = tmp_path / "angle.uff"
     uff.write_bytes(measured())
     campaign = bracket.new_campaign("free", "free", window_rate_per_s=0)

@@ -43,8 +43,9 @@ def renewed(page: Page, selector: str) -> None:
     )
 
 
+@pytest.mark.parametrize("identified", [False, long(True)])
 def test_processing_and_identification_show_themselves(
-    seen: Watched, api: httpx.Client, service: LocalService
+    seen: Watched, api: httpx.Client, service: LocalService, identified: bool
 ) -> None:
     hits = more_pages(api, bar(api)[1])[2]
     campaign = hits.rsplit("/", 1)[1]
@@ -56,6 +57,8 @@ def test_processing_and_identification_show_themselves(
         drawn(page, figure := "figure[data-figure$='/figures/hits']")
         assert "good hits (3)" in (page.text_content(f"{figure} .main-svg .legend") or "")
     renewed(page, "[data-frf-viewer]")
+    if not identified:
+        return
     with worker_stopped(service):
         ok(api.post(f"campaigns/{campaign}/identifications", json={"name": "found"}), 202)
         begun(page, hits)
@@ -79,9 +82,9 @@ def test_updates_show_themselves_on_every_page_that_lists_them(
     page = seen.page
     with worker_stopped(service):
         job = ok(api.post(f"campaigns/{test}/update-jobs", json={}), 202)["id"]
-        ok(api.post(f"campaigns/{test}/update-jobs", json={"seed": 1}), 202)
         paths = [f"/ui/update-jobs/{job}", f"/ui/campaigns/{test}"]
         if every_page:
+            ok(api.post(f"campaigns/{test}/update-jobs", json={"seed": 1}), 202)
             paths += ["/ui/update-jobs", "/ui/", f"/ui/projects/{project}"]
         pages = [page, *(page.context.new_page() for _ in paths[1:])]
         for each, path in zip(pages, paths, strict=True):
@@ -110,9 +113,11 @@ def test_an_end_does_not_take_away_what_is_typed(
     assert page.inner_text("#progress .state") == "succeeded"
 
 
+@pytest.mark.long
 def test_runs_of_a_monitor_show_themselves(
     seen: Watched, api: httpx.Client, service: LocalService
 ) -> None:
+    """Pages of updates are the short form."""
     lab = Lab(service, api, runs_on="hand")
     lab.campaign(0)
     page = seen.page

@@ -10,7 +10,6 @@ import pytest
 
 from service.app.supervisor import LocalService
 from tests.golden.inputs import open_campaign, open_file, truth_of
-from tests.support.lengths import long
 from tests.support.places import SHARED
 from tests.support.rest import finished, result_of
 from tests.support.waiting import PATIENCE
@@ -63,18 +62,16 @@ def test_independent_data_give_their_constants_back(api: httpx.Client) -> None:
 
 
 SETS = ("cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct", "paper-like")
-TYPED = ["--modes", "typed"]
-# With typed modes: the test above has identified ones, and the golden documents have other sets.
-SHORT = [("free-1pct", TYPED)]
-WHOLE = [long(name, modes) for name in SETS for modes in ([], TYPED) if (name, modes) not in SHORT]
 
 
-@pytest.mark.parametrize(("name", "modes"), [*SHORT, *WHOLE])
+@pytest.mark.long
+@pytest.mark.parametrize("modes", [[], ["--modes", "typed"]])
+@pytest.mark.parametrize("name", SETS)
 def test_the_laboratorys_own_script_runs_unchanged(
     service: LocalService, name: str, modes: list[str]
 ) -> None:
     """UFF in, parameters out, the default recipe; with modes that the service identifies, and with
-    typed ones. The long runs have every set in both ways.
+    typed ones. The test above is the short form: it asks the same requests.
     """
     file = open_file(f"{name}.uff")
     if not LAB_SESSION.exists():

@@ -18,7 +18,7 @@ from service.platform.queue.resource import ENDED
 from tests.acceptance.test_browser import overflow
 from tests.acceptance.test_forms import fill
 from tests.golden.inputs import new_campaign
-from tests.support.browser import Watched, held, hindrances, signed_in, watched_page
+from tests.support.browser import Watched, hindrances, signed_in, watched_page
 from tests.support.lengths import long
 from tests.support.rest import client_at, finished, ok
 from tests.support.uff import axis, set_58
@@ -106,11 +106,12 @@ def counts(api: httpx.Client, campaign: str) -> list[tuple[str, str, Any]]:
     return [each for each, item in zip(sums, items, strict=True) if not item["dry_run"]]
 
 
+@pytest.mark.long
 def test_recordings_and_mat_files_are_read_by_choosing_columns(
     seen: Watched, api: httpx.Client
 ) -> None:
     """A TDMS whose order was wrong first, wavs of a point each read together, FRFs in two parts;
-    what was typed is kept.
+    what was typed is kept. The short forms are the recording and the FRFs below.
     """
     campaign = new_campaign(api, {"name": "bar"}, boundary="free")
     page = seen.goto(f"/ui/campaigns/{campaign}")
@@ -231,8 +232,8 @@ def test_of_other_formats_the_same_recording_is_proposed(
 def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
     seen: Watched, api: httpx.Client, form: str
 ) -> None:
-    """Its hits are seen in the force; where the hammer was is all that is asked. A UFF is read at
-    once, so it says first what it lacks.
+    """Its hits are seen in the force; where the hammer was is all that is asked, and stays while
+    other files are looked at. A UFF is read at once, so it says first what it lacks.
     """
     name = f"minutes.{form}"
     campaign = new_campaign(api, {"name": "bar"}, boundary="free")
@@ -257,6 +258,7 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
         asked.locator("[name='channels/1/direction']").select_option("3")
         for n in (0, 1):
             asked.locator(f"[name='channels/{n}/sensitivity']").fill("1")
+    dropped(page, {"second.mat": mat(f=FREQUENCY, H=VALUES)})
     press_so(page, api, name)
     assert (name, "succeeded", 6) in counts(api, campaign)
     rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]
@@ -267,31 +269,6 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
     ]
 
 
-def test_what_is_typed_while_other_files_are_read_stays(seen: Watched, api: httpx.Client) -> None:
-    """A form that is filled in stays while other files are looked at."""
-    campaign = new_campaign(api, {"name": "bar"}, boundary="free")
-    page = seen.goto(f"/ui/campaigns/{campaign}")
-    file = {
-        "name": "first.mat",
-        "mimeType": "application/octet-stream",
-        "buffer": arrays("mat", [1.0, 4.0], 7.0),
-    }
-    page.set_input_files("#file", file)
-    point = form_of(page, "first.mat").locator("[name='channels/1/point']")
-    point.fill("4")
-    with held(page, "**/ui/imports/*") as waiting:
-        page.set_input_files(
-            "#file", file | {"name": "second.mat", "buffer": arrays("mat", [1.0, 4.5], 7.5)}
-        )
-        until(waiting, "the second report")
-        until(
-            lambda: all(f["status"] in ENDED for f in sent(api, campaign)),
-            "the end of all imports",
-        )
-    form_of(page, "second.mat").wait_for()
-    assert point.input_value() == "4"
-
-
 def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:
     key = service.new_key("pocket")
     with (
@@ -300,5 +277,16 @@ def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:
     ):
         campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        dropped(page, {"long.wav": wav([1.0, 4.0], 7.0), "frfs.mat": mat(f=FREQUENCY, H=VALUES)})
+        frfs = mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag)
+        dropped(page, {"long.wav": wav([1.0, 4.0], 7.0), "frfs.mat": frfs})
         assert (overflow(seen), hindrances(page)) == (0, [])
+        form_of(page, "frfs.mat").locator("[data-look]").select_option("frfs")
+        page.wait_for_selector("form[data-name='frfs.mat'] [name='frf/real']")
+        page.select_option("[name=quantity]:visible", "mobility")
+        page.select_option("[name='frf/real']", "Hr")
+        page.select_option("[name='frf/imaginary']", "Hi")
+        fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
+        for side in ("response", "reference"):
+            page.select_option(f"[name={side}_direction]:visible", "3")
+        press_so(page, api, "frfs.mat")
+        assert ("frfs.mat", "succeeded", 2) in counts(api, campaign)

@@ -165,7 +165,9 @@ def test_held_out_frfs_and_lines_are_predicted(clamped: cantilever.Study) -> Non
         assert 0.88 <= held.coverage_95 <= 1
 
 
+@pytest.mark.long
 def test_free_beam(hung: free_beam.Study) -> None:
+    """The cantilever above is the short form, and the free strips of the golden documents."""
     rows = {row.name: row for row in hung.update.parameters}
     errors = [
         abs(mode.error_percent) for mode in hung.update.modes if mode.error_percent is not None

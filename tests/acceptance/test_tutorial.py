@@ -24,14 +24,6 @@ from tests.support.places import ROOT
 
 PAGE = (ROOT / "docs" / "tutorial.md").read_text()
 FILES = ROOT / "examples" / "tutorial"
-COMMANDS = """
-import json, shlex, sys
-import service
-from tests.support.command import modalbase_here
-around, lines = json.load(sys.stdin)
-assert service.__file__.startswith(around["PYTHONPATH"].split(":")[0]), service.__file__
-print(json.dumps([modalbase_here(*shlex.split(line)[1:], code=0, **around).stdout for line in lines]))
-"""
 MAKE = {"projects", "structures", "campaigns", "points", "import", "coupons"}
 TRUTH = {
     **{name: getattr(make_tutorial.TRUTH, name) for name in ("Ex", "Ey", "Gxy", "Gxz")},
@@ -55,15 +47,12 @@ def printed(
         "MODALBASE_URL": service.url,
         "MODALBASE_API_KEY": api.headers["authorization"].split()[1],
         "COLUMNS": "200",
-        # of this tree nothing but the tests: the wheel's packages come first
-        "PYTHONPATH": f"{unpacked}:{ROOT}",
     }
     first, *more = "".join(blocks("sh")).splitlines()
-    # as a shell does; the others in one process, as each imports for a while
-    shown = [run_as_typed(first, folder, **ours)]
-    shown += json.loads(
-        run_as_typed([sys.executable, "-c", COMMANDS], folder, json.dumps([ours, more]), **ours)
-    )
+    # as a shell does, by the wheel alone; the others in this process, as each imports for a while
+    shown = [run_as_typed(first, folder, **ours, PYTHONPATH=str(unpacked))]
+    for line in more:
+        shown.append(modalbase_here(*shlex.split(line)[1:], cwd=folder, code=0, **ours).stdout)
     found = {
         line.split("--")[0].removeprefix("modalbase ").strip(): out
         for line, out in zip([first, *more], shown, strict=True)
@@ -78,7 +67,7 @@ def printed(
 
 
 def test_the_commands_of_the_tutorial_find_the_truth(printed: dict[str, str]) -> None:
-    """A newcomer's first hour, by the wheel alone, as the page has it."""
+    """A newcomer's first hour, as the page has it."""
     assert re.findall(r"^ *(\d+) +[\d.]+ ", printed["modes March"], flags=re.MULTILINE)[-1] == "5"
     result = json.loads(printed["result"])
     assert result["provenance"]["recipe"]["band_hz"] == [10.0, 1000.0]
@@ -148,10 +137,11 @@ def run(
     return lines
 
 
+@pytest.mark.long
 def test_the_scripts_of_readme_and_notebook_update_a_beam(
     run: Callable[[str], list[str]], api: httpx.Client
 ) -> None:
-    """What the first one made the second one finds."""
+    """What the first one made the second one finds. The short form is the next test."""
     assert len(SCRIPT.strip().splitlines()) <= 15
     lines = run(SCRIPT)
     assert lines[0].split(":")[0] in ("usable", "with care", "do not use")

@@ -19,8 +19,9 @@ import psycopg
 import pytest
 
 from service.app.supervisor import Component, LocalService, RestartLimitError, StartError
+from service.platform.db import schema
 from service.platform.db.engine import psycopg_url
-from service.platform.db.opening import DataFolderError, embedded_server
+from service.platform.db.opening import DataFolderError
 from service.platform.db.postgres import ACCOUNT
 from service.platform.settings import Settings
 from tests.support.command import living, modalbase, modalbase_here, status, up, wait_until_gone
@@ -30,12 +31,13 @@ from tests.support.waiting import PATIENCE, until
 
 
 def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
-    short_folder: Path, empty_database: str
+    short_folder: Path, empty_database: str, unpacked: Path, laboratory: Path
 ) -> None:
-    """In the default folder of a home with a space, as on macOS: the first start makes a key and
-    prints it, what dies is started again, and no end leaves anything running. The restored service
-    runs beside it on a server of its own: the same key opens it, the same bits come out, and
-    commands that do not say which of the two they mean are refused.
+    """From the wheel alone, in the default folder of a home with a space, as on macOS: the first
+    start makes a key and prints it, what dies is started again, no end leaves anything running, and
+    no process takes a file of the laboratory's own folder for a module. The restored service runs
+    beside it on a server of its own: the same key opens it, the same bits come out, and commands
+    that do not say which of the two they mean are refused.
     """
     home = short_folder / "Prüf stand" / ("with a long name, " * 6)
     home.mkdir(parents=True)
@@ -53,7 +55,11 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
     own = {"MODALBASE_DATABASE_URL": empty_database}
     with (
         log.open("w") as stderr,
-        up(None, stderr=stderr, **around) as (process, url, key),
+        up(None, cwd=laboratory, stderr=stderr, PYTHONPATH=str(unpacked), **around) as (
+            process,
+            url,
+            key,
+        ),
         client(url, key) as api,
     ):
         # by another process, and nobody says where
@@ -91,8 +97,7 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
         assert "/api/v1/projects" not in log.read_text()  # no line for each request
         assert "py.warnings" not in log.read_text()
     assert "services run here" not in modalbase_here("db", "current", **around).stderr
-    modalbase_here("restore", file, "--data", short_folder / "copy", code=0, **around)
-    wait_until_gone(short_folder / "copy")
+    assert "this is a laboratory's own file" not in log.read_text()
 
 
 def client(url: str, key: str) -> httpx.Client:
@@ -156,10 +161,8 @@ def the_parts_die(command: psutil.Process, data: Path, log: Path, url: str, key:
     assert seen <= {200, 503}
 
 
-def test_what_dies_again_and_again_is_given_up(database: str) -> None:
-    """With one clear line, and everything ended; before that it is started again after each
-    pause.
-    """
+def test_what_dies_again_and_again_is_given_up() -> None:
+    """With one clear line; before that it is started again after each pause."""
     starts: list[str] = []
     part = Component("a part", lambda: starts.append("again"), lambda: "ended", (0.0, 0.0))
     for _ in range(4):  # its end and its start, twice
@@ -167,17 +170,12 @@ def test_what_dies_again_and_again_is_given_up(database: str) -> None:
     with pytest.raises(RestartLimitError, match="a part ended, 3 times in a row"):
         part.tend()
     assert starts == ["again", "again"]
-    with LocalService(
-        Settings(database_url=database, port=0, log_level="error"), worker=False, pauses=()
-    ) as service:
-        (api,) = service.processes.values()
-        api.kill()
-        api.wait()
-        with pytest.raises(
-            StartError, match=r"the api was killed.*, 1 times in a row; it is not started again"
-        ):
-            service.tend()
-    assert service.processes == {}
+    service = LocalService(Settings())
+    service._parts.append(Component("the api", lambda: None, lambda: "was killed", ()))
+    with pytest.raises(
+        StartError, match=r"the api was killed, 1 times in a row; it is not started again"
+    ):
+        service.tend()
 
 
 def test_a_start_without_its_database_is_reported_once(short_folder: Path) -> None:
@@ -225,11 +223,18 @@ def test_doctor_and_verify_say_what_is_wrong_and_a_backup_carries_it(
         written.returncode,
         "and so is this damage of the database: originals 00" in written.stderr,
     ) == (1, True)
-    restored = modalbase_here("restore", file, MODALBASE_DATABASE_URL=empty_database)
+    data = short_folder / "looked-at"
+    restored = modalbase_here("restore", file, "--data", data)
     assert (
         restored.returncode,
         "but for this damage, which the backup already had" in restored.stderr,
     ) == (1, True)
+    (data / "postgres").chmod(0o750)
+    shown = modalbase_here("doctor", "--data", data).stdout
+    assert "warning  data folder: other users may read" in shown
+    assert "disk: " in shown
+    shown = modalbase_here("doctor", MODALBASE_DATABASE_URL=empty_database).stdout
+    assert "fault    schema: the database has no modalbase schema yet" in shown
     with psycopg.connect(psycopg_url(database)) as connection:
         connection.execute("UPDATE alembic_version SET version_num = '0009_original_rows'")
     assert "fault    schema: the schema is at 0009" in modalbase_here("doctor", **around).stdout
@@ -240,17 +245,6 @@ def test_doctor_and_verify_say_what_is_wrong_and_a_backup_carries_it(
     assert "fault    data folder: " in absent.stdout
     assert modalbase_here("backup", "x", "--data", str(short_folder / "absent")).returncode == 1
     assert not (short_folder / "absent").exists()
-
-
-def test_doctor_looks_at_a_data_folder(short_folder: Path) -> None:
-    data = short_folder / "looked-at"
-    with embedded_server(data):
-        pass
-    (data / "postgres").chmod(0o750)
-    shown = modalbase_here("doctor", "--data", data).stdout
-    assert "warning  data folder: other users may read" in shown
-    assert "disk: " in shown
-    assert "fault    schema: the database has no modalbase schema yet" in shown
 
 
 @pytest.fixture
@@ -290,19 +284,31 @@ def old_server(short_folder: Path, server: str) -> Iterator[str]:
     run("pg_ctl", "-w", "-D", str(folder / "d"), "-m", "fast", "stop")
 
 
-def test_a_server_that_is_too_old_is_refused_in_one_line(old_server: str) -> None:
-    for words in (
-        ["db", "upgrade"],
-        ["up", "--port", "0"],
-        ["keys", "create", "--name", "x"],
-        ["verify"],
-    ):
-        ended = (modalbase if words[0] == "up" else modalbase_here)(
-            *words, MODALBASE_DATABASE_URL=old_server
-        )
+COMMANDS = (["db", "upgrade"], ["keys", "create", "--name", "x"], ["verify"])
+
+
+def test_a_server_that_is_too_old_is_refused_in_one_line(
+    database: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(schema, "POSTGRESQL", 99)
+    refused_as_too_old(database, "18.", "99", [modalbase_here] * 3, COMMANDS)
+
+
+@pytest.mark.long
+def test_postgresql_15_is_too_old(old_server: str) -> None:
+    up = ["up", "--port", "0"]
+    runs = [modalbase_here] * 3 + [modalbase]
+    refused_as_too_old(old_server, "15.", "18", runs, (*COMMANDS, up))
+
+
+def refused_as_too_old(
+    url: str, version: str, needed: str, runs: list[Any], commands: tuple[list[str], ...]
+) -> None:
+    for run, words in zip(runs, commands, strict=True):
+        ended = run(*words, MODALBASE_DATABASE_URL=url)
         assert ended.returncode == 1
-        assert ended.stderr.startswith("modalbase: the server runs PostgreSQL 15.")
-        assert "needs 18 or newer" in ended.stderr
+        assert ended.stderr.startswith(f"modalbase: the server runs PostgreSQL {version}")
+        assert f"needs {needed} or newer" in ended.stderr
         assert len(ended.stderr.splitlines()) == 1
-    examined = modalbase_here("doctor", MODALBASE_DATABASE_URL=old_server).stdout
-    assert "fault    database: the server runs PostgreSQL 15." in examined
+    examined = modalbase_here("doctor", MODALBASE_DATABASE_URL=url).stdout
+    assert f"fault    database: the server runs PostgreSQL {version}" in examined

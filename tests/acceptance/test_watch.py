@@ -4,7 +4,7 @@ import json
 import os
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -60,14 +60,13 @@ def arrives(folder: Path, name: str, content: bytes) -> None:
 
 
 def test_each_file_is_sent_once_through_outages_and_restarts(
-    new_service: Callable[..., LocalService], tmp_path: Path
+    service: LocalService, tmp_path: Path
 ) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
     mapping = tmp_path / "mapping.json"
     mapping.write_text(json.dumps(WIND))
     with (
-        new_service(campaign_settle_seconds=3600) as service,
         closing(Proxy(make_url(service.url).port)) as proxy,
         client_of(service, "warden") as api,
     ):
