@@ -12,6 +12,7 @@ from typing import Any
 from uuid import UUID
 
 from sqlalchemy import JSON, CompoundSelect, ForeignKey, Index, Select, func, select
+from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore import signal
@@ -104,7 +105,7 @@ def current_decisions(session: Session, campaign_id: UUID) -> dict[tuple[Dof, in
     last = (
         select(HitDecision)
         .where(HitDecision.campaign_id == campaign_id, HitDecision.id > first_block)
-        .distinct(*place)
+        .ext(distinct_on(*place))
         .order_by(*place, HitDecision.id.desc())
     )
     decided = (row for row in session.scalars(last) if row.good is not None)
