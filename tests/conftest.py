@@ -5,7 +5,8 @@ database    URL of a migrated database without rows: a new one, or one that anot
 sessions    SQLAlchemy sessions on `database`
 new_service running services, each with settings and a database of its own
 service     a running modalbase for the session: API process and worker process, on free ports
-idle        another without a worker, which is asked as much as can be
+new_api     running APIs without a worker, in a thread of the test's process
+idle        one of these, which is asked as much as can be
 api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
 """
 
@@ -19,6 +20,7 @@ import gc
 import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -35,6 +37,7 @@ from service.platform.db.opening import embedded_server
 from service.platform.db.schema import upgrade
 from service.platform.settings import Settings
 from tests.support.emptying import empty_tables, schema_print
+from tests.support.here import served_here
 from tests.support.places import shared_folder
 from tests.support.rest import ASKED_FREELY, client_of
 
@@ -240,8 +243,22 @@ def service(
 
 
 @pytest.fixture(scope="session")
-def idle(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    with new_service(worker=False, import_wait_seconds=0.2, **ASKED_FREELY) as running:
+def new_api(
+    new_database: Callable[[], str],
+) -> Callable[..., AbstractContextManager[LocalService]]:
+    """Makes APIs, each on a database of its own, that run within a `with`."""
+
+    def make(**settings: Any) -> AbstractContextManager[LocalService]:
+        return served_here(Settings(database_url=new_database(), **settings))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def idle(
+    new_api: Callable[..., AbstractContextManager[LocalService]],
+) -> Iterator[LocalService]:
+    with new_api(import_wait_seconds=0.2, **ASKED_FREELY) as running:
         yield running
 
 

@@ -6,6 +6,7 @@ import re
 import socket
 from base64 import b64encode
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from typing import Any
 
 import httpx
@@ -175,10 +176,9 @@ def test_without_a_valid_key_401(service: LocalService, header: str | None) -> N
 
 
 @pytest.fixture(scope="module")
-def small(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
+def small(new_api: Callable[..., AbstractContextManager[LocalService]]) -> Iterator[LocalService]:
     """A service with low limits, and with all switched off that can be."""
-    with new_service(
-        worker=False,
+    with new_api(
         json_limit_bytes=1000,
         upload_limit_bytes=5000,
         docs=False,

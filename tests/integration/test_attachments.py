@@ -4,6 +4,7 @@ what they are beside; and whose reports their photographs are in.
 
 import io
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -173,13 +174,13 @@ def test_an_archive_takes_attachments_along(
 
 
 def test_administrators_state_whose_reports_they_are(
-    new_service: Callable[..., LocalService],
+    new_api: Callable[..., AbstractContextManager[LocalService]],
 ) -> None:
     """Until then the operator's settings do; the logo is a picture, and of a size that reports
     can have.
     """
     with (
-        new_service(worker=False, laboratory="Lab", laboratory_address="Street; Town") as running,
+        new_api(laboratory="Lab", laboratory_address="Street; Town") as running,
         client_of(running, "ada") as ada,
     ):
         before = {"name": "Lab", "address": "Street\nTown", "logo": False}

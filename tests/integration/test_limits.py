@@ -6,7 +6,7 @@ import asyncio
 import socket
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from uuid import uuid4
 
 import httpx
@@ -25,12 +25,11 @@ SLOTS, QUEUE = 2, 10
 
 
 @pytest.fixture(scope="module")
-def narrow(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
+def narrow(new_api: Callable[..., AbstractContextManager[LocalService]]) -> Iterator[LocalService]:
     """A service that answers few requests at a time, with few streams of events; those that may
     wait do, however slow the machine is.
     """
-    with new_service(
-        worker=False,
+    with new_api(
         database_pool=SLOTS,
         request_queue=QUEUE,
         request_wait_seconds=600,
