@@ -42,10 +42,12 @@ RECIPE = {
         {"name": "Gxz", "tied_to": "Ex"},
     ],
 }
+UPDATES = {"recipe": RECIPE, "parameters": [{"name": "Ex"}]}
+"""What a monitor of updates has; each takes three times as long as an identification."""
 WATCH = {
     "name": "m",
-    "recipe": RECIPE,
-    "parameters": [{"name": "Ex"}],
+    "watch": "modes",
+    "parameters": [{"name": "frequency_1"}],
     "baseline": {"campaigns": 4},
 }
 
@@ -71,7 +73,8 @@ class Lab:
         self.baseline: list[str] = []
 
     def watch(self, **fields: Any) -> str:
-        answer = self.api.post(f"structures/{self.structure}/monitors", json={**WATCH, **fields})
+        body = {**WATCH, **fields}
+        answer = self.api.post(f"structures/{self.structure}/monitors", json=body)
         return str(ok(answer, 201)["id"])
 
     def campaign(self, number: int, stiffness: float = 1.0, **fields: Any) -> str:
@@ -178,7 +181,8 @@ def test_a_campaign_without_frfs_is_run_when_they_come_and_an_earlier_one_put_be
     # nobody has said that it is complete, and nothing is in it
     assert outcome(lab.series(), campaign) is None
     (run,) = ok(lab.api.post(f"campaigns/{campaign}/complete"))["runs"]
-    assert (run["state"], run["message"]) == ("refused", "the campaign has no FRFs")
+    lacking = "the campaign has no FRFs, no time blocks, no recording and no mode set"
+    assert (run["state"], run["message"]) == ("refused", lacking)
     assert campaign not in points(lab.series())
     send_measurement(lab.api, campaign, frfs(1.0, 5))
     series = lab.until(lambda s: campaign in points(s))
@@ -258,7 +262,7 @@ def test_runs_by_hand_a_rerun_priors_that_follow_and_a_changed_structure(
     """A rerun leaves the old version; priors follow the last estimate in time order; a changed
     structure ends the series.
     """
-    lab = Lab(service, client, runs_on="hand", priors="last")
+    lab = Lab(service, client, watch="update", **UPDATES, runs_on="hand", priors="last")
     scheduled = lab.watch(runs_on="schedule", schedule="0 3 * * 1")
     path, first = f"monitors/{lab.monitor}/runs", lab.campaign(0)
     for monitor in (lab.monitor, scheduled):
@@ -315,7 +319,8 @@ def test_a_deleted_monitor_is_gone_until_it_is_restored_and_follows_modes_that_w
 ) -> None:
     lab = Lab(service, client, runs_on="hand")
     watched = [{"name": "Ex"}, {"name": "frequency_1"}, {"name": "damping_ratio_1"}]
-    working = lab.watch(name="works", modes="given", parameters=watched)
+    update = {**UPDATES, "watch": "update", "parameters": watched}
+    working = lab.watch(name="works", modes="given", **update)
     path = f"monitors/{working}"
     ok(client.post(f"{path}/restore"), 409)
     etag = client.get(path).headers["ETag"]
@@ -369,7 +374,12 @@ def test_an_undated_campaign_is_not_complete_and_a_monitor_comes_to_rest(
     undated = ok(client.post(f"structures/{lab.structure}/campaigns", json=body), 201)["id"]
     assert "no performed_at" in ok(client.post(f"campaigns/{undated}/complete"), 409)["detail"]
     ok(client.patch(f"monitors/{lab.monitor}", json={"name": "n"}), 428)
-    change(client, f"monitors/{lab.watch(runs_on='hand')}", {"active": False})
+    by_hand = f"monitors/{lab.watch(runs_on='hand', watch='update', **UPDATES)}"
+    empty = lab.empty(9)
+    (run,) = ok(client.post(f"{by_hand}/runs", json={"campaign": empty}))["items"]
+    assert (run["state"], run["message"]) == ("refused", "the campaign has no FRFs")
+    delete(lab, empty)
+    change(client, by_hand, {"active": False})
     act, *_ = ok(client.get("audit-events"))["items"]
     assert (act["action"], act["detail"]) == (
         "monitor.change",
