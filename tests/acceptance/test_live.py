@@ -11,7 +11,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages
 from tests.acceptance.test_correcting import bar
-from tests.integration.test_monitoring import Lab, worker_stopped
+from tests.integration.test_monitoring import UPDATES, Lab, worker_stopped
 from tests.support.browser import Watched, drawn
 from tests.support.lengths import long
 from tests.support.rest import ok, posted
@@ -118,7 +118,7 @@ def test_runs_of_a_monitor_show_themselves(
     seen: Watched, api: httpx.Client, service: LocalService
 ) -> None:
     """Pages of updates are the short form."""
-    lab = Lab(service, api, runs_on="hand")
+    lab = Lab(service, api, watch="update", **UPDATES, runs_on="hand")
     lab.campaign(0)
     page = seen.page
     with worker_stopped(service):
