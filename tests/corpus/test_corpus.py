@@ -13,6 +13,7 @@ from tests.corpus.refused_files import FILES
 from tests.corpus.refused_measurements import MEASUREMENTS
 from tests.corpus.refused_series import SERIES_AND_COUPONS
 from tests.corpus.updates import UPDATES
+from tests.support.lengths import long
 
 REFUSED = dict(enumerate([*MEASUREMENTS, *BODIES, *SERIES_AND_COUPONS, *FILES]))
 CORPUS: dict[str, Case] = {
@@ -22,7 +23,19 @@ CORPUS: dict[str, Case] = {
 }
 
 
-@pytest.mark.parametrize("name", CORPUS)
+IN_LONG = {
+    *("another clamped beam", "a mistyped mode"),  # in short: stated as free, another free beam
+    *("a sure prior", "in g", "modes without damping", "one mode, two coefficients"),
+    # in short: above its prior; turned and not calibrated; modes handed in; one mode, heights wrong
+    *("a start of negative damping", "a negative variance"),  # in short: a singular start
+    *("gaps", "conjugates"),  # in short: six faults; bridge, conjugated
+    *("open aeroplane", "a quadratic spring", "records that drift"),
+    # in short: open plate, a mode at the sum of two, drift of the records
+}
+"""Whose cause has a cheaper input of the same kind, or the same numbers elsewhere."""
+
+
+@pytest.mark.parametrize("name", [long(name) if name in IN_LONG else name for name in CORPUS])
 def test_each_input_has_its_outcome(name: str) -> None:
     run, outcome = CORPUS[name]
     if callable(outcome):

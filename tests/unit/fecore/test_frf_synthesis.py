@@ -9,6 +9,7 @@ from fecore.frf import Dof, Quantity
 from fecore.updating.forward import ForwardModel, ForwardState
 from tests.support.direct import direct_frf
 from tests.support.fits import at_prior, forward_model
+from tests.support.lengths import long
 from tests.support.plates import PAPER
 
 PLACES = {0: (0.5, 0.02), 1: (0.21, -0.013), 2: (0.37, 0.004), 3: (0.06, 0.02)}
@@ -32,7 +33,7 @@ def direct(state: ForwardState, frequency: np.ndarray, quantity: Quantity) -> np
     )
 
 
-@pytest.mark.parametrize(("boundary", "reduced"), [("cantilever", False), ("free", True)])
+@pytest.mark.parametrize(("boundary", "reduced"), [long("cantilever", False), ("free", True)])
 def test_superposition_with_residuals_against_the_direct_solve(boundary, reduced) -> None:
     state = at_prior(forward(boundary, 24, reduced=reduced))
     frequency = np.linspace(5, 1000, 30)

@@ -8,6 +8,7 @@ from fecore.dynamics.eigen import normal_modes
 from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel
 from fecore.updating.parameters import parametrise
 from tests.support.fits import forward_model
+from tests.support.lengths import long
 from tests.support.plates import PAPER
 
 FIVE = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
@@ -26,7 +27,7 @@ def full_modes(model, c, count):
     )
 
 
-@pytest.mark.parametrize(("boundary", "names"), [("cantilever", FIVE), ("free", EIGHT)])
+@pytest.mark.parametrize(("boundary", "names"), [("cantilever", FIVE), long("free", EIGHT)])
 def test_frequencies_over_a_box_of_half_and_its_corners(boundary, names) -> None:
     specimen = laden(boundary)
     model, parametrisation = (

@@ -14,6 +14,7 @@ from modalbase.formats.meshes import uff_of as contents_of
 from modalbase.formats.uff.write import encode
 from service.nouns.structures.drawn import DrawnMesh, Held
 from service.nouns.structures.model_routes import MeshOut
+from tests.support.lengths import long
 
 
 def grid(side: int) -> DrawnMesh:
@@ -74,8 +75,8 @@ class Counter(io.RawIOBase):
     "write",
     [
         lambda mesh, file: mesh.write_json(file),
-        lambda mesh, file: file.writelines(encode(contents_of(mesh.file()))),
-        lambda mesh, file: file.writelines(write_vtu(mesh.file())),
+        long(lambda mesh, file: file.writelines(encode(contents_of(mesh.file())))),
+        long(lambda mesh, file: file.writelines(write_vtu(mesh.file()))),
     ],
     ids=["json", "uff", "vtu"],
 )

@@ -13,6 +13,7 @@ from modalbase.formats.records import propose, read_mapping
 from service.compute.recordings import recording_of
 from service.tasks.import_file.recordings import Channels, channels_of
 from service.tasks.import_file.responses import proposal_of
+from tests.support.lengths import long
 from tests.support.uff import axis, function
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
@@ -135,7 +136,7 @@ NAMES = {
 }
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv", *NAMES])
+@pytest.mark.parametrize("suffix", [".npz", ".mat", long(".csv"), *NAMES])
 def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, suffix: str) -> None:
     own = blocks_of_channels(channels(tmp_path, WHOLE))
     names = NAMES.get(suffix, ("acc", "force"))

@@ -55,9 +55,10 @@ def test_a_symmetric_grid_has_several_answers(body: Structure) -> None:
     assert len(by_closest(body.model.surfaces, ends)) > 1
 
 
+@pytest.mark.long
 def test_a_frame_that_is_the_bodys_comes_first() -> None:
     """Points on outer faces, half a wall off the middle surfaces: of an open solid, whose drawing
-    is the mesh's.
+    is the mesh's. In short another frame is found, above.
     """
     truth = json.loads(
         shared_file("BLIND_OPEN", "blind-open", "structures/angle-1.truth.json").read_text()

@@ -48,7 +48,7 @@ def two_walls(
 
 
 @pytest.mark.parametrize(
-    ("t", "names"), [((0.006, 0.004), ("a", "b")), ((0.006, 0.006), ("a", "a"))]
+    ("t", "names"), [((0.006, 0.004), ("a", "b")), long((0.006, 0.006), ("a", "a"))]
 )
 def test_matrices_have_no_jump_at_any_angle(t: tuple[float, float], names: tuple[str, str]) -> None:
     """What the joints add to a fixed motion's energy, by steps of the angle: its derivative changes
@@ -167,7 +167,7 @@ def dome(n: int, kind: str) -> Structure:
     return Structure(grid(kind, n, n, surface), {"plate": ShellSection((Ply(GFRP, 0.004),))})
 
 
-@pytest.mark.parametrize("kind", ["quad4", "tri3"])
+@pytest.mark.parametrize("kind", ["quad4", long("tri3")])
 def test_coefficients_of_a_curve_are_as_many_as_its_angles_at_most_however_fine_its_mesh(
     kind: str,
 ) -> None:

@@ -90,7 +90,7 @@ def test_the_matrix_is_the_sum_of_its_terms(name) -> None:
 
 
 def test_many_vectors_are_projected_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(affine, "_STRAINS", 10_000)
+    monkeypatch.setattr(affine, "_STRAINS", 20_000)
     matrix = CHANNEL.model.stiffness
     parts = list(matrix.groups[0].parts(20))
     assert len(parts) > 1

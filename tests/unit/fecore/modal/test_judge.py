@@ -33,7 +33,9 @@ def agree(one: np.ndarray, other: np.ndarray, low: float, high: float) -> tuple[
     return int(np.sum(shared)), len(shared)
 
 
+@pytest.mark.long
 def test_one_record_in_several_bands_and_by_halves_has_one_answer() -> None:
+    """In short a measured bridge has in `tests/corpus`."""
     draw = KINDS["bridge"](11)
     whole = sure(identify(draw.frfs))
     first, last = draw.frfs.frequency_hz[[0, -1]]

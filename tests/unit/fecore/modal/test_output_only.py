@@ -16,6 +16,7 @@ from fecore.frf import along_z
 from fecore.modal.recordings import OutputOnly, identify_output_only, without_window
 from fecore.modes import MeasuredModes
 from fecore.signal.half_spectra import HalfSpectra, half_spectra
+from tests.support.lengths import long
 
 
 def spectra_of(folder: Path, setup: int, truth: dict[str, Any]) -> HalfSpectra:
@@ -27,7 +28,7 @@ def spectra_of(folder: Path, setup: int, truth: dict[str, Any]) -> HalfSpectra:
     )
 
 
-@pytest.mark.parametrize("name", ["ambient-1", "ambient-2"])
+@pytest.mark.parametrize("name", [long("ambient-1"), "ambient-2"])
 def test_modes_of_another_code_come_back(blind_open: Path, name: str) -> None:
     """One recording of eight points; four of 26, of which two stay, while all frequencies drift."""
     folder = blind_open / "ambient" / name

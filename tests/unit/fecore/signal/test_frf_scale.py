@@ -10,6 +10,7 @@ from fecore.frf import Dof, FrfSet
 from fecore.signal import Hit, Processing, Strip, Windows, by_point, process
 from fecore.signal.frf_scale import FrfScale
 from tests.support.hammer import Bench, campaign
+from tests.support.lengths import long
 
 FIRST = {"clamped": 1.8751, "free": 4.7300}
 
@@ -30,7 +31,7 @@ def _strip(bench: Bench) -> Strip:
     return Strip(mass, mass * (2 * np.pi * body.frequency_hz[first] / wave**2) ** 2)
 
 
-@pytest.mark.parametrize(("seed", "kind", "factor"), [(21, "clamped", 10.0), (22, "free", 0.1)])
+@pytest.mark.parametrize(("seed", "kind", "factor"), [(21, "clamped", 10.0), long(22, "free", 0.1)])
 def test_a_whole_campaign_by_what_a_strip_of_its_mass_shows(
     seed: int, kind: str, factor: float
 ) -> None:
@@ -56,7 +57,7 @@ def test_a_strong_window_is_named_where_it_makes_a_campaign_low() -> None:
     assert any("strip of this mass" in w and "sensitivity" in w for w in weak)
 
 
-@pytest.mark.parametrize("factor", [10.0, 0.1])
+@pytest.mark.parametrize("factor", [10.0, long(0.1)])
 def test_two_hits_of_five_under_another_range_are_named_and_left_out(factor: float) -> None:
     _, _, simulated = campaign(np.random.default_rng(24), "free", 3, 5, 0.0)
     hits = [_scaled(one.hit, factor) if n in (1, 3) else one.hit for n, one in enumerate(simulated)]

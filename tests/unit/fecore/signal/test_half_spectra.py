@@ -10,6 +10,7 @@ from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof, along_z
 from fecore.signal.half_spectra import Motion, half_spectra, needed_s
+from tests.support.lengths import long
 
 RATE, TWO = 50.0, along_z((1, 2))
 
@@ -78,7 +79,7 @@ def test_power_spectra_are_the_variance_over_frequency(ringing: FloatArray) -> N
     np.testing.assert_allclose(top, np.hypot(found.autos[0], found.crosses[1, 0].real), rtol=1e-9)
 
 
-@pytest.mark.parametrize(("quantity", "power"), [("velocity", 1), ("displacement", 2)])
+@pytest.mark.parametrize(("quantity", "power"), [long("velocity", 1), ("displacement", 2)])
 def test_sensors_of_a_lower_derivative_are_taken_to_the_highest(
     ringing: FloatArray, quantity: Motion, power: int
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 from fecore.signal import Hit, Processing, Windows, by_point, process
 from fecore.signal.unstated import SeenRate, seen_rate
 from tests.support.hammer import Bench, random_body, random_laboratory
+from tests.support.lengths import long
 
 NOT_SHOWN = SeenRate(0.0, None)
 
@@ -48,7 +49,7 @@ def test_a_window_that_nobody_stated_is_seen(rate: float, seed: int) -> None:
     assert abs(seen.rate_per_s - rate) < max(4 * seen.sd, 0.01)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, *map(long, range(1, 5))])
 def test_noise_without_a_window_shows_none(seed: int) -> None:
     seen = seen_rate(hits(0.0, seed))
     assert seen.rate_per_s == 0
@@ -91,7 +92,7 @@ def test_the_ringing_of_a_filter_behind_a_short_pulse_is_no_window() -> None:
     assert seen.sd < 0.01
 
 
-@pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("rate", [long(0.5), 1.0, long(3.0)])
 def test_a_converter_behind_the_window_has_steps_that_do_not_decay(rate: float) -> None:
     """Noise of 1.3 steps: 0.5 per second was seen as 0.45 ± 0.003, 1 as 0.84 ± 0.004, and 3 not at
     all.
@@ -109,7 +110,7 @@ def test_noise_that_the_converters_steps_hide_shows_nothing() -> None:
     assert seen_rate(hits(1.0, 5, force_step=4.0, first=True)) == NOT_SHOWN
 
 
-@pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("rate", [long(0.5), 1.0, long(3.0)])
 def test_single_steps_that_decay_show_a_window_behind_the_converter(rate: float) -> None:
     seen = seen_rate(hits(rate, 5, force_step=4.0))
     assert seen.sd is not None

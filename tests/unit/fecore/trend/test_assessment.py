@@ -221,7 +221,9 @@ def test_overstated_standard_deviations_are_noticed() -> None:
     assert "larger than the scatter" in assess({"Ex": vague}, WATCH).parameters["Ex"].notes[0]
 
 
+@pytest.mark.long
 def test_the_false_alarm_rate_of_a_family_is_held() -> None:
+    """In short limits hold in `test_charts.py`."""
     watch = Watch(
         {"Ex": "fall", "a0": "rise"}, 10, chart=Chart("ewma"), false_alarm_rate=0.02, horizon=12
     )

@@ -28,7 +28,9 @@ def test_five_modes_are_watched_through_gaps_and_a_crossing() -> None:
     assert found.newcomers == ()
 
 
+@pytest.mark.long
 def test_one_percent_of_one_frequency_raises_an_alarm_and_seasons_do_not() -> None:
+    """In short a loss of one parameter does, in `test_assessment.py`."""
     same, less = (make(np.random.default_rng(2), change) for change in (0.0, -0.01))
     assert first_alarm(mode_series(same.runs, BASELINE - 10)) is None
     at = first_alarm(mode_series(less.runs, BASELINE - 10))

@@ -12,12 +12,14 @@ from fecore.updating.campaigns import (
     MATERIAL_PARAMETERS,
     Campaign,
     CampaignsRecipe,
+    _odd_one_out,
     lay_out,
     update_campaigns,
 )
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.laws import common_damping
 from fecore.updating.posterior import SCATTER
+from fecore.updating.result import Check, Conflict
 from tests.support.fits import at_prior, forward_model
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
 
@@ -110,8 +112,11 @@ def test_strips_and_a_plate_tell_what_none_tells_alone(strips: int) -> None:
         assert sum(entry.share for entry in parameter.budget) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.long
 def test_the_odd_one_out_is_named_with_a_number(two: list[Campaign]) -> None:
-    """A campaign of another material is the likeliest of all causes of a contradiction."""
+    """A campaign of another material is the likeliest of all causes of a contradiction. In short
+    the one campaign of all causes is the odd one, below.
+    """
     other = {**TRUTH, "Ex": 0.75 * TRUTH["Ex"], "Ey": 1.3 * TRUTH["Ey"], "Gxy": 1.3 * TRUTH["Gxy"]}
     stranger = measured(np.random.default_rng(8), "strip 45", STRIP, 45.0, truth=other, modes=6)
     result = update_campaigns([two[1], stranger, two[0]])
@@ -124,7 +129,19 @@ def test_the_odd_one_out_is_named_with_a_number(two: list[Campaign]) -> None:
     assert "campaign strip 45 as one of another material" in result.verdict.reasons[0]
 
 
+def test_one_campaign_to_which_all_causes_belong_is_the_odd_one(two: list[Campaign]) -> None:
+    cause, rival, other = (
+        Check("input", "length", 0.0, 9.0, owner)
+        for owner in ("campaign strip 90", "specimen strip 90", "campaign strip 0")
+    )
+    assert _odd_one_out([], two) is None
+    assert _odd_one_out([Conflict(cause, (rival,), (), 3.0)], two) == "strip 90"
+    assert _odd_one_out([Conflict(cause, (other,), (), 3.0)], two) is None
+
+
+@pytest.mark.long
 def test_scatter_between_specimens_widens(two: list[Campaign]) -> None:
+    """In short it does in `tests/golden/data/joint-strips.txt`."""
     one_material = update_campaigns(two, CampaignsRecipe(IN_PLANE, scatter=0))
     scattering = update_campaigns(two, CampaignsRecipe(IN_PLANE, scatter=0.05))
     firm, loose = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering))

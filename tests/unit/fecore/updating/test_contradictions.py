@@ -15,6 +15,7 @@ from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
 from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
 from fecore.updating.elastic import fit_elastic, settled
+from fecore.updating.elastic_findings import contradiction
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
@@ -64,6 +65,17 @@ def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_som
     masses = [check for check, _ in sources.checks if check.kind == "mass"]
     assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
     assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
+    said = [contradiction(Conflict(check, (), (), 0.0, 3.0)).text for check, _ in sources.checks]
+    for words in (
+        r"mass on campaign a of -?0\.\d ± \d\.\d g near x = ",
+        r"foot under campaign b of \d+ ± [\d.e+]+ N/m near x = ",
+        r"stiffness of campaign a, all at 0\.\d\d ± 0\.\d\d of it between x = 0 and ",
+        "specimens that scatter by 2 % instead of 2 %",
+        "campaign b as one of another material, angle or boundary than stated",
+        "coupons: Ex as .* instead of .*, Gxy as ",
+        r"length of campaign a as [\d.]+ ± [\d.]+ mm instead of 300 ± 0.5 mm \(20 to 1",
+    ):
+        assert any(re.search(words, text) for text in said), (words, said)
 
 
 def test_coupons_that_are_off_are_named_and_the_strips_cleared() -> None:
@@ -90,9 +102,10 @@ def test_a_batch_that_is_off_unseen_does_not_rule_alone() -> None:
         assert sd[place] < 0.025, name
 
 
+@pytest.mark.long
 def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> None:
     """18 mm of 250 mm, 36 standard deviations: what the specimens' thickness, density and scatter
-    leave of them is 5.
+    leave of them is 5. In short coupons are a cause, and find their own value, above.
     """
     long, short = strips(1)
     conflict, *_ = found([long, shortened(short, 0.018)], coupons())
@@ -128,9 +141,10 @@ def test_a_mass_that_nobody_stated_is_named_with_its_size_and_place() -> None:
     assert min(cause.place[0], 0.25 - cause.place[0]) < 0.04
 
 
+@pytest.mark.long
 def test_a_check_agrees_with_a_fit_without_its_source() -> None:
     """What the rest says of the coupons is what a fit without them says, up to the model's
-    curvature.
+    curvature. In short what the rest says of coupons that are off holds the truth, above.
     """
     campaigns = strips(0)
     layout = lay_out(campaigns, MATERIAL_PARAMETERS, 0.0, coupons(1.15))
@@ -156,9 +170,10 @@ def single(campaign: Campaign) -> list[Finding]:
     return [each for each in findings if each.kind == "sources_conflict"]
 
 
+@pytest.mark.long
 def test_an_update_of_one_campaign_names_a_mass() -> None:
     """5 g of 71 g, beside moduli that are known to 5 %; of a strip without the next test finds
-    none.
+    none. In short masses have their words, above.
     """
     conflict, *_ = single(with_mass(0, 5.0))
     assert re.search(
@@ -166,8 +181,11 @@ def test_an_update_of_one_campaign_names_a_mass() -> None:
     ), conflict.text
 
 
+@pytest.mark.long
 def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:
-    """A thickness 15 % too small lets the strip bend as one of another material."""
+    """A thickness 15 % too small lets the strip bend as one of another material. In short a wrong
+    prior of `tests/corpus` is named.
+    """
     campaign = strips(0)[0]
     assert single(campaign) == []
     thin = replace(campaign, body=replace(campaign.body, thickness=0.85 * campaign.body.thickness))
@@ -176,10 +194,11 @@ def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:
     assert conflict.level in ("with_care", "do_not_use")
 
 
-@pytest.mark.parametrize("by", [long(0.009), 0.06])
+@pytest.mark.long
+@pytest.mark.parametrize("by", [0.009, 0.06])
 def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
     """Also where all discrepancies but the largest have a weight that is 0 to rounding, as 60 mm
-    are 120 stated errors.
+    are 120 stated errors. In short the coupons that are off are named by theirs.
     """
     first, other = strips(1)
     campaigns = [first, shortened(other, by)]

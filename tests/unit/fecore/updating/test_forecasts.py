@@ -15,6 +15,7 @@ from service.nouns.structures.schemas import StructureIn
 from service.nouns.updates.bodies import nominal_body
 from tests.support.bodies import pencil
 from tests.support.direct import direct_frf
+from tests.support.lengths import long
 from tests.support.profiles import ANGLE
 from tests.support.strips import NOMINAL, STRIP
 
@@ -64,7 +65,7 @@ def test_at_a_resonance_an_frf_is_the_residue_by_twice_the_damping() -> None:
     np.testing.assert_allclose(peak[lively], np.abs(residue)[lively] / 0.002, rtol=0.05)
 
 
-@pytest.mark.parametrize("body", [CANTILEVER, angle()])
+@pytest.mark.parametrize("body", [CANTILEVER, long(angle())])
 def test_no_other_point_shows_the_least_shown_mode_better(body: Specimen | Structure) -> None:
     """All candidates are asked, as points of the order."""
     found = forecast(body, ForecastOrder(modes=6))

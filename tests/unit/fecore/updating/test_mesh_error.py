@@ -14,7 +14,6 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from tests.support.lengths import long
 from tests.support.panels import TRUTH, deck, measured
 from tests.support.stored_solids import frequencies
 
@@ -24,8 +23,10 @@ def _forward(body: Structure, highest_hz: float) -> ForwardModel:
     return ForwardModel.of_dofs(prior, [Dof(1, 3)], {1: tuple(body.mesh.nodes[0])}, highest_hz)
 
 
-@pytest.mark.parametrize("element", ["quad4", long("quad8")])
+@pytest.mark.long
+@pytest.mark.parametrize("element", ["quad4", "quad8"])
 def test_the_model_has_the_frequencies_of_the_finest_mesh(element: str) -> None:
+    """In short the forecast has them, below."""
     body = deck("tapered", 6, 4, element) if element == "quad4" else deck("tapered", 3, 2, element)
     own = frequencies(body, 6)
     forward = _forward(body, float(own[-1]))
@@ -61,7 +62,9 @@ def test_corners_of_a_cut_out_are_met_beyond_the_finest_mesh() -> None:
     assert left[3] < left.max() / 20  # one that does not
 
 
+@pytest.mark.long
 def test_a_change_of_constants_is_followed_and_exact_where_the_error_is_known_anew() -> None:
+    """In short the constants that an update finds are those of the solids, below."""
     body = deck("curved", 6, 4, "quad4")
     forward = _forward(body, float(frequencies(body, 6)[-1]))
     names, mean = forward.parametrisation.names, forward.parametrisation.prior_mean
@@ -111,7 +114,7 @@ def test_a_forecast_shows_both_meshes() -> None:
 def test_a_mesh_beyond_the_limit_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh, "MOST_DOFS", 100)
     modes, points = measured("tapered")
-    body = deck("tapered", 6, 4, "quad8")
+    body = deck("tapered", 3, 2, "quad8")
     found = update(
         Measurement(None, points, modes, inputs=Inputs.exact()),
         body,

@@ -22,7 +22,6 @@ from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 from fecore.updating.state import mixings
-from tests.support.lengths import long
 
 GLASS = OrthotropicMaterial(38e9, 9e9, 4.2e9, 4.0e9, 3.5e9, 0.28, 1900.0)
 BODY = OrientedSpecimen(0.565, 0.05, 0.01, GLASS, divisions=(30, 4))
@@ -104,10 +103,11 @@ def accelerances(true: OrientedSpecimen) -> FrfSet:
     return FrfSet(hz, values + 0.01 * rms * (real + 1j * imaginary) / np.sqrt(2), dofs, sensor)
 
 
-@pytest.mark.parametrize("grams", [long(0.0), 2.0])
+@pytest.mark.long
+@pytest.mark.parametrize("grams", [0.0, 2.0])
 def test_the_true_law_is_adequate_where_a_sensor_that_nobody_stated_mixes_two_modes(grams) -> None:
     """2 g at a corner turn torsion and bending, 0.5 % apart, into each other; the model has them
-    apart.
+    apart. In short the fit to FRFs takes their shares, below.
     """
     carried = (PointMass(0.98 * 0.565, 0.0225, 1e-3 * grams),) if grams else ()
     modes, bending = measured(
@@ -141,7 +141,11 @@ def test_the_fit_to_frfs_takes_the_shares_of_the_mixed_modes() -> None:
         assert found[name].standard_deviation < 0.04 * loss, name
 
 
+@pytest.mark.long
 def test_without_shapes_the_angle_is_as_unknown_as_the_model_is_wrong() -> None:
+    """In short such a mixing costs what it should, and shares of turned modes are those of turned
+    shapes.
+    """
     modes, _ = measured(
         replace(BODY, masses=(PointMass(0.98 * 0.565, 0.0225, 0.5e-3),), divisions=(48, 6))
     )

@@ -92,8 +92,8 @@ def test_slopes_are_those_of_the_surface() -> None:
     [
         (NEAR, 0.0025, 1.0, "frfs_scaled_by_place"),
         long(NEAR, 0.0, 2.0, "frfs_scaled"),
-        (FAR, 0.0, 1.25, "frfs_scaled"),  # 2.2 mm of place make up to 1.22 there
-        (FAR, 0.0025, 1.0, None),
+        long(FAR, 0.0, 1.25, "frfs_scaled"),  # 2.2 mm of place make up to 1.22 there
+        long(FAR, 0.0025, 1.0, None),
     ],
 )
 def test_a_sensor_near_a_clamp_has_no_wrong_sensitivity(

@@ -296,9 +296,10 @@ def test_one_frf_and_priors_a_third_off() -> None:
         assert result.pairing.rival.partners != result.pairing.partners
 
 
+@pytest.mark.long
 def test_a_wooden_plate_from_handbook_constants() -> None:
-    """Ey is far above what the handbook says, and modes stand in another order than in the
-    model.
+    """Ey is far above what the handbook says, and modes stand in another order than in the model.
+    In short the one above, whose priors are a third off.
     """
     drawn = draws.plate(3)["25 points"]
     result = update(drawn.measurement, drawn.stated)

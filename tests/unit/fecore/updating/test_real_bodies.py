@@ -14,6 +14,7 @@ from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
 from tests.support.draws import LAW, NOMINAL, STATED, Truth, measured, with_one_line_in
 from tests.support.fits import at_prior, forward_model
+from tests.support.lengths import long
 
 RAYLEIGH = Recipe(damping_models=("rayleigh",))
 
@@ -25,9 +26,10 @@ def usual(boundary: str = "cantilever") -> Measurement:
     return with_one_line_in(2, given)
 
 
+@pytest.mark.long
 def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
     """ν_xy is stated as 0.25 and is 0.33: Ey of a wide plate came out 4.7 % high and three standard
-    deviations off.
+    deviations off. In short the ratio is in the budgets of `tests/golden`.
     """
     stated = replace(
         STATED,
@@ -55,7 +57,9 @@ def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:
             0.497,
             "points 31, 32, 33 lie beyond the length of 497 mm, by up to 3 mm: the length or",
         ),
-        ("width", 0.0395, None),  # within twice the 0.2 mm to which a careful laboratory knows it
+        long(
+            "width", 0.0395, None
+        ),  # within twice the 0.2 mm to which a careful laboratory knows it
     ],
 )
 def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
@@ -76,12 +80,12 @@ def test_a_grid_that_ends_beyond_the_stated_body_is_no_reason_to_refuse_it(
     assert low < NOMINAL.Ex < high
 
 
+@pytest.mark.long
 def test_frfs_of_another_quantity_give_the_same() -> None:
     """A free specimen's receptances are largest below its modes, where it swings; they are as good
     as its accelerances.
 
-    FRFs that are stated to be another quantity than they are have modes, and their quantity is
-    named in place of a damping.
+    In short the quantity of FRFs that are stated to be another is named, below.
     """
     specimen = replace(STATED, boundary="free", divisions=(20, 2))
     whole = usual("free")
@@ -94,6 +98,13 @@ def test_frfs_of_another_quantity_give_the_same() -> None:
             2e-3 * q.estimate if p.name in ("a0", "a1") else 0.1 * q.standard_deviation
         )  # noise weighs lines otherwise
         assert abs(p.estimate - q.estimate) < limit, p.name
+
+
+def test_the_quantity_of_frfs_that_are_stated_to_be_another_is_named() -> None:
+    """They have modes, and no damping."""
+    specimen = replace(STATED, boundary="free", divisions=(20, 2))
+    whole = usual("free")
+    body = replace(whole, frfs=whole.frfs.select(list(range(2, 33, 5))))  # they are alike
     mistaken = update(
         replace(body, frfs=replace(body.frfs.to_quantity("mobility"), quantity="accelerance")),
         specimen,
@@ -111,13 +122,20 @@ def test_a_free_specimen_stated_as_clamped_lacks_the_lowest_mode() -> None:
     is missing shows it.
     """
     body = usual("free")
-    short, lowest = (replace(body, frfs=body.frfs.band(5.0, hz)) for hz in (720.0, 560.0))
+    lowest = replace(body, frfs=body.frfs.band(5.0, 560.0))
     result = update(lowest, replace(STATED, divisions=(20, 2)), RAYLEIGH)
     assert result.verdict.level == "do_not_use"
     assert re.match(
         r"the model has modes at 29\.\d+ Hz, [23]\d\d\.\d+ Hz that the FRFs should show",
         result.verdict.reasons[0],
     )
+
+
+@pytest.mark.long
+def test_torsion_is_not_expected_where_it_is_not_measured() -> None:
+    """In short what is expected is missed, above."""
+    body = usual("free")
+    short = replace(body, frfs=body.frfs.band(5.0, 720.0))
     centre = [row for row, dof in enumerate(body.frfs.references) if body.points[dof.point][1] == 0]
     unseen = update(
         replace(short, frfs=short.frfs.select(centre)),

@@ -17,6 +17,7 @@ from fecore.correlation import Pairing
 from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import Unsettled, fit_elastic
+from fecore.updating.elastic_findings import elastic_findings
 from fecore.updating.elastic_result import REFUTED, ElasticResult
 from fecore.updating.elastic_starts import (
     _behind,
@@ -57,9 +58,10 @@ def updated(*hz: float) -> tuple[UpdateResult, dict[str, ParameterEstimate]]:
     return result, {each.name: each for each in result.parameters}
 
 
+@pytest.mark.long
 def test_exact_beam_frequencies_come_to_an_end_between_two_pairings() -> None:
     """A beam without shear flexibility: the fit raises Gxy until torsion meets the fourth bending
-    mode, and creeps there.
+    mode, and creeps there. In short those of close modes do, below.
     """
     result, found = updated(159.24468273, 438.96409467, 860.54508139, 1422.52459239)
     assert found["Ex"].interval_95[0] < 30e9 < found["Ex"].interval_95[1]
@@ -215,6 +217,8 @@ def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_
     assert len(swings.history) < 50  # it ends where it has come round once; 30 turns have 77
     result = update_from_several_starts(layout)
     assert result.oscillating_modes == swings.oscillating_modes
+    (said,) = [e.text for e in elastic_findings(result, measured) if e.kind == "partners_swing"]
+    assert said.startswith("the partner of measured mode 3 (")
     assert result.fixed_pairing is not None
     assert result.pairing.mac is not None
     # All orders were fitted, and the frequencies decide.

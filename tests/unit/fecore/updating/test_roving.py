@@ -19,6 +19,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 from tests.support.direct import direct_frf
 from tests.support.fits import at_prior
+from tests.support.lengths import long
 from tests.support.moved_sensor import HAMMER, LAW, MASS, TRUE, forward, measured
 
 
@@ -33,7 +34,7 @@ def body(nominal: Specimen) -> Specimen:
     return replace(nominal, material=replace(nominal.material, **TRUE))
 
 
-@pytest.mark.parametrize("boundary", ["cantilever", "free"])
+@pytest.mark.parametrize("boundary", ["cantilever", long("free")])
 def test_each_frf_is_that_of_the_body_with_the_mass_at_its_response_point(
     nominal: Specimen, boundary: str
 ) -> None:
@@ -139,8 +140,9 @@ def test_modes_are_those_without_the_sensor(modelled: UpdateResult, body: Specim
     np.testing.assert_allclose([mode.measured_hz for mode in modelled.modes], bare, rtol=1.5e-3)
 
 
+@pytest.mark.long
 def test_without_it_they_do_not_come_back(nominal: Specimen, body: Specimen) -> None:
-    """Why the mass is modelled: taken for massless, the sensor's modes pass for those of a softer
+    """Why the mass is modelled, as the tests above have it: taken for massless, the sensor's modes pass for those of a softer
     body.
 
     The inputs are exactly known: a careful laboratory's thickness alone widens the interval to more

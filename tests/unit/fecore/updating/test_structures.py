@@ -27,7 +27,6 @@ from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from tests.support.fits import COARSE, at_prior, forward_model
-from tests.support.lengths import long
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 WALLS = {name: ShellSection((Ply(GFRP, 0.006),)) for name in ("flange", "web")}
@@ -79,7 +78,9 @@ def test_constants_of_each_wall_come_back_from_rows_along_any_direction() -> Non
     assert flange.estimate == pytest.approx(25e9, rel=0.02)
 
 
+@pytest.mark.long
 def test_a_basis_is_verified_where_a_fit_ends() -> None:
+    """In short the constants come back by such a basis, above."""
     modes, points = measured({"flange.E1": 31e9, "web.E1": 17e9, "web.G12": 4e9}, np.zeros((0, 3)))
     prior = parametrise(BEAM, BEAM.default_parameters())
     forward = ForwardModel.of_dofs(prior, modes.dofs, points, float(modes.frequency_hz[-1]), MODES)
@@ -133,10 +134,11 @@ def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
     assert stated.common == ()
 
 
-@pytest.mark.parametrize("count", [2, long(4)])
+@pytest.mark.long
+@pytest.mark.parametrize("count", [2, 4])
 def test_a_set_that_has_lost_stiffness_is_found_among_others(count: int) -> None:
     """The web in sets along the beam, the last but one at 80 %: factors of all sets, most of which
-    are 1.
+    are 1. In short factors of sets come back in `test_shape_error.py`.
     """
     sets = {f"web_{k + 1}": WALLS["web"] for k in range(count)}
     weak = f"web_{count - 1}.factor"

@@ -30,7 +30,7 @@ from tests.support.lengths import long
 BEAMS = stored()[:6]
 
 
-@pytest.fixture(scope="module", params=[3, long(6)])
+@pytest.fixture(scope="module", params=[2, long(6)])
 def exact(request: pytest.FixtureRequest) -> list[tuple[Beam, UpdateResult]]:
     return [
         (beam, update(beam.measurement(Inputs.exact()), beam.stated))

@@ -363,8 +363,11 @@ def test_the_verdict_knows_a_silent_change(tmp_path: Path) -> None:
     assert uff_damage.judge(sound, damaged, "byte flip") == "SILENT CHANGE"
 
 
+@pytest.mark.long
 def test_floods_stay_within_bounds(tmp_path: Path) -> None:
-    """Of 20 to 40 MB each; a tenth of the datasets that are taken, and so of the memory."""
+    """Of 20 to 40 MB each; a tenth of the datasets that are taken, and so of the memory. In short
+    limits are kept, above.
+    """
     assert Limits().datasets == 200_000
     files = {kind: flood() for kind, flood in uff_damage.FLOODS.items()}
     for kind, (memory, outcome) in uff_damage.flood(files, tmp_path, most=20_000).items():
