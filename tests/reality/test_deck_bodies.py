@@ -64,7 +64,7 @@ def test_flats_with_offsets_in_their_own_thickness() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["deck_stiffener_cquad4_zoffs.bdf", "deck_stiffener_pshell_zoffs.bdf"]
+    "name", ["deck_stiffener_cquad4_zoffs.bdf", long("deck_stiffener_pshell_zoffs.bdf")]
 )
 def test_a_plate_that_stands_beside_its_nodes(name: str) -> None:
     body = body_of(deck(name), name)
@@ -101,7 +101,6 @@ def test_a_trailing_edge() -> None:
     # A turn of 170° is 11.4 right angles' worth, of which little is left: stated is as much of the
     # joints' own error.
     assert body.model_error == pytest.approx(0.0045 * np.tan(np.radians(85)), rel=0.01)
-    forecasts_find_their_points(body)
 
 
 @pytest.mark.parametrize("thickness", ["6.0", long("1.0")])

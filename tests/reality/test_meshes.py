@@ -8,6 +8,7 @@ import pytest
 
 from service.platform.errors import Invalid
 from tests.support.imported import imported
+from tests.support.lengths import long
 from tests.support.places import shared_file
 
 PLATE = {"thickness_m": 0.004, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700.0}}
@@ -64,8 +65,8 @@ EDGE = group(1, "CLAMP", [(8, k) for k in LINES])
 SHELL = group(2, "PLATE", [(8, k) for k in SHELLS])
 
 
-@pytest.mark.parametrize("kind", ["2435", "2452", "2467", "2477"])
-@pytest.mark.parametrize("edge", [11, 21, 22])
+@pytest.mark.parametrize("kind", ["2435", long("2452"), "2467", long("2477")])
+@pytest.mark.parametrize("edge", [11, long(21), long(22)])
 def test_kinds_of_groups(kind: str, edge: int) -> None:
     plain = imported("a.unv", unv(), sections={"set_2": PLATE, "line_2": HELD}).frequencies(3)
     found = imported(

@@ -5,6 +5,7 @@ and in company.
 from datetime import UTC, datetime
 
 import numpy as np
+import pytest
 
 from fecore.trend import ModesOfRun, TrackedMode, Watch, assess, mode_series
 from tests.support.places import shared_file
@@ -44,9 +45,11 @@ def runs_of_the_tower() -> list[ModesOfRun]:
     return runs
 
 
+@pytest.mark.long
 def test_five_modes_of_the_tower_are_followed_through_gaps() -> None:
     """Each of five families has a watched track that is in at least 80 % of the runs that have a
-    mode there; no track goes from one family to another; and nothing calls, as nothing happened.
+    mode there; no track goes from one family to another; and nothing calls, as nothing happened. In
+    short those of a made structure are, in `tests/unit/fecore/trend/test_mode_series.py`.
     """
     runs = runs_of_the_tower()
     found = mode_series(runs, baseline=40)
