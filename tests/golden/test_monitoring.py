@@ -76,8 +76,12 @@ def kill_while_it_judges(service: LocalService, project: str) -> None:
     )
 
 
+@pytest.mark.long
 def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService) -> None:
-    """An alarm is stored and sent once, whoever dies; its series is the golden one."""
+    """An alarm is stored and sent once, whoever dies; its series is the golden one. In short alarms
+    are raised once in `tests/integration/test_monitoring_judgement.py`, and workers die over other
+    jobs.
+    """
     with receiver() as hook, client_of(service, WHO) as api:
         project = ok(api.post("projects", json={"name": "bridge"}))["id"]
         structure = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]
