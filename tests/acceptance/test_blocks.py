@@ -151,20 +151,19 @@ def test_every_block_says_what_it_is_and_few_are_not_run() -> None:
         compile(block.text, str(block), "exec")
 
 
-DEAR = {"python": {
-    "docs/archives.md", "docs/forward-model.md", "docs/i-profile.md", "docs/loads.md",
-    "docs/own-model.md", "docs/updating.md", "docs/watched-footbridge.md",
-}, "sh": {"docs/footbridge.md", "docs/updating.md"}}  # fmt: skip
-"""Pages that compute long, by what tests of the library, of the commands and of the core run too."""
+SHORT = {"docs/coupons.md", "docs/jobs.md", "docs/library.md", "docs/modes.md", "docs/uff.md"}
+"""Pages of the short run, with that of the command line. Blocks of the others are compiled there;
+tests of the library, the commands and the core run what they call.
+"""
 
 
-def of_length(language: str, page: str, value: Any) -> Any:
-    return long(value) if page in DEAR[language] else value
+def of_length(page: str, value: Any) -> Any:
+    return value if page in SHORT else long(value)
 
 
 @pytest.mark.parametrize(
     "block",
-    [of_length("sh", block.page, block) for block in of("sh") if block.page != FIRST],
+    [of_length(block.page, block) for block in of("sh") if block.page != FIRST],
     ids=str,
 )
 def test_commands_run(block: Block, reader: Reader) -> None:
@@ -175,7 +174,7 @@ def test_commands_run(block: Block, reader: Reader) -> None:
 
 @pytest.mark.parametrize(
     "page",
-    [of_length("python", page, page) for page in sorted({block.page for block in of("python")})],
+    [of_length(page, page) for page in sorted({block.page for block in of("python")})],
 )
 def test_python_runs(page: str, reader: Reader, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in reader.variables.items():

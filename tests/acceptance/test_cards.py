@@ -79,7 +79,7 @@ def test_the_cards_say_where_they_are_from(
 @pytest.mark.long
 @needs_ccx
 def test_calculix_finds_the_frequencies(api: httpx.Client, job: dict[str, Any]) -> None:
-    """The plate below is the short form, and the bodies of `integration/test_models.py`."""
+    """Here and below: `integration/test_models.py` has CalculiX solve decks in the short run."""
     updated = [mode["updated_hz"] for mode in job["result"]["modes"]]
     for element, most in (("solid", 0.002), ("shell", 0.01)):
         deck = ok_text(api, f"update-jobs/{job['id']}/cards?element={element}")
@@ -102,6 +102,7 @@ def test_a_job_without_a_result_or_with_springs_has_no_deck(
     assert "has no result" in refused.json()["detail"]
 
 
+@pytest.mark.long
 @needs_ccx
 def test_a_plate_on_simple_supports_is_held_alike() -> None:
     """Shells without a clamp against our own model, at random constants."""

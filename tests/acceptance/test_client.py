@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import httpx
@@ -19,6 +20,8 @@ from modalbase.formats.uff import DatasetReport, Frf, ModeShape, read_file
 from service.app.supervisor import LocalService
 from service.pages.example import paper
 from tests.support.command import modalbase_here
+from tests.support.laboratory import Done
+from tests.support.rest import ok
 from tests.support.waiting import PATIENCE
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -52,8 +55,11 @@ def uff(tmp_path: Path) -> Path:
 
 
 def test_from_a_file_to_an_updated_model(
-    run: Run, api: httpx.Client, structure: str, uff: Path, tmp_path: Path
+    run: Run, structure: str, uff: Path, tmp_path: Path, demo: Done
 ) -> None:
+    """The file is one's own, the model the demonstration's, which the command line has updated too
+    in `test_command_line.py`.
+    """
     campaign = run(
         "campaigns", "--structure", structure, "--new", "spring", "--boundary", "cantilever"
     ).stdout.strip()
@@ -74,23 +80,17 @@ def test_from_a_file_to_an_updated_model(
     assert table.startswith("33 FRFs")
     assert "accelerance" in table
 
-    recipe = tmp_path / "recipe.json"
-    recipe.write_text('{"seed": 7}')
-    body = {"name": "Table 3", "modes": paper.MODES}
-    modes = api.post(f"campaigns/{campaign}/mode-sets", json=body).raise_for_status().json()["id"]
-    done = run("update", campaign, "--recipe", recipe, "--mode-set", modes, "--wait", "--json")
-    document = json.loads(done.stdout)
-    assert document["provenance"]["recipe"]["seed"] == 7
-    job = document["provenance"]["update_job"]
-    assert json.loads(run("result", job, "--json").stdout) == document
-    shown = run("result", job)
-    assert {"Ex", "GPa", "a0", "µs", "modes", "SAC"} <= set(shown.stdout.split())
-    assert all(f"warning: {warning}" in shown.stderr for warning in document["warnings"])
-
-    predictions_are_exported(run, job, campaign, tmp_path)
     original = tmp_path / "back.uff"
     run("export", imported["id"], "--what", "original", "--out", original)
     assert original.read_bytes() == uff.read_bytes()
+
+    run = partial(run, MODALBASE_API_KEY=demo.api.headers["authorization"].split()[1])
+    assert json.loads(run("result", demo.job, "--json").stdout) == demo.result
+    shown = run("result", demo.job)
+    assert {"Ex", "GPa", "a0", "µs", "modes", "SAC"} <= set(shown.stdout.split())
+    assert all(f"warning: {warning}" in shown.stderr for warning in demo.result["warnings"])
+    measured = ok(demo.api.get(demo.path))["campaign_id"]
+    predictions_are_exported(run, demo.job, measured, tmp_path)
 
 
 def predictions_are_exported(run: Run, job: str, campaign: str, folder: Path) -> None:

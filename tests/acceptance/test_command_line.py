@@ -87,8 +87,10 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
     ]
     assert edited["details"]["decisions"][0]["reason"] == "too high"
     run("modes", "March", "--mode-set", edited["id"], "--keep", f"{hz:.6g}", code=2)
-    shown = run("update", "latest", "--mode-set", "latest", "--wait")
-    assert "Ex" in shown.stdout
+    (tmp_path / "recipe.json").write_text('{"seed": 7, "damping_models": ["rayleigh"]}')
+    words = ("--recipe", tmp_path / "recipe.json", "--mode-set", "latest", "--wait", "--json")
+    document = json.loads(run("update", "latest", *words).stdout)
+    assert document["provenance"]["recipe"]["seed"] == 7
     listed = json.loads(run("jobs", "--campaign", "March", "--json").stdout)
     assert run("jobs").stdout.count("March") == len(listed) == 1
     assert run("result", "--json").stdout == run("result", listed[0]["id"], "--json").stdout

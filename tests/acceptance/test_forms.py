@@ -62,12 +62,11 @@ def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:
         page.fill(f"[name='{prefix}{name}']", str(value))
 
 
-@pytest.mark.parametrize("sent", [False, long(True)])
-def test_raw_hits_become_a_result_in_few_clicks(
-    running: Browser, service: LocalService, sent: bool
-) -> None:
+@pytest.mark.long
+def test_raw_hits_become_a_result_in_few_clicks(running: Browser, service: LocalService) -> None:
     """A file of voltages, a structure typed in mm and GPa, where the points are: all else the
-    service finds or proposes. The short run has it all filled in.
+    service finds or proposes. The deck below and the recording of `test_mapping.py` are the short
+    forms.
     """
     file = shared_file("BLIND_OPEN", "blind-open", "hits-cantilever/hits.npz")
     truth = json.loads(file.with_name("truth.json").read_text())
@@ -91,9 +90,6 @@ def test_raw_hits_become_a_result_in_few_clicks(
         for n, name in enumerate(("force_V_per_N", "acceleration_V_per_m_s2")):
             seen.fill(f"channels/{n}/", {"sensitivity": known[name], "direction": 3})
         seen.fill("channels/1/", {"point": known["sensor_point"]})
-        page.wait_for_selector("button:text-is('Import 1 file')")
-        if not sent:
-            return
         assert hindrances(page) == []
         note_on_leaving(page, "location.pathname")
         seen.click("button:text-is('Import 1 file')")

@@ -94,10 +94,13 @@ def test_every_body_is_a_named_schema_with_an_example() -> None:
                 assert schemas[name].get("examples"), f"{method} {path}: {name} has no example"
 
 
+@pytest.mark.long
 def test_a_generated_client_runs_the_main_job(
     generated: str, service: LocalService, demo: Done
 ) -> None:
-    """From a project to its file; the update has no FRFs, and the demonstration's result is read."""
+    """From a project to its file; the update has no FRFs, and the demonstration's result is read.
+    The tests above are the short form: what a generator needs is in the document.
+    """
     call = Calls(generated, service.url, demo.api.headers["Authorization"].split()[1])
     with call.client:
         main_job(generated, call, demo.api)

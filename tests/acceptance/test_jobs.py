@@ -23,10 +23,11 @@ from tests.support.outage import outage
 from tests.support.rest import campaigns_of, finished, ok, posted
 
 
-@pytest.mark.parametrize("others", [long(False), True])
+@pytest.mark.long
+@pytest.mark.parametrize("others", [False, True])
 def test_worker_cut_off_from_the_database_comes_back(others: bool, database: str) -> None:
     """Longer than its lease with another worker there, who takes over what the first one brings too
-    late.
+    late. Short forms: workers cut off in `integration/test_jobs.py`, paused in `test_attempts.py`.
     """
     it = outage(0.5 if others else 3, others=others, jobs=2, database_url=database)
     assert it.same_worker
@@ -36,9 +37,11 @@ def test_worker_cut_off_from_the_database_comes_back(others: bool, database: str
     assert it.attempts == it.jobs + (1 if others else 0)
 
 
+@pytest.mark.long
 def test_an_api_that_is_killed_leaves_every_job_that_it_took_and_no_half_one(database: str) -> None:
     """It is killed between the rows of the jobs and the tickets, where another transaction holds it
-    up; what it had taken before was there with its answer.
+    up; what it had taken before was there with its answer. The short form is the one transaction of
+    `integration/test_jobs.py`.
     """
     with floor(database) as here:
         with here.client("tester") as client:

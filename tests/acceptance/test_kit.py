@@ -41,14 +41,20 @@ BARE = """() => [...document.querySelectorAll(
     .filter(one => getComputedStyle(one).appearance !== "none").map(one => one.outerHTML)"""
 
 
-@pytest.mark.parametrize(("width", "dark"), [long(1400, False), (390, True)])
+PARTS = ("controls", "work", "said")
+
+
+@pytest.mark.parametrize(
+    ("width", "dark", "parts"),
+    [(390, True, PARTS[:1]), long(390, True, PARTS[1:]), long(1400, False, PARTS)],
+)
 def test_each_part_has_its_size_its_place_and_its_contrast(
-    running: Browser, service: LocalService, width: int, dark: bool
+    running: Browser, service: LocalService, width: int, dark: bool, parts: tuple[str, ...]
 ) -> None:
     key = service.new_key("kit")
     with watched_page(running, service.url, width=width, height=900, dark=dark) as seen:
         page = signed_in(seen, key, "/ui/kit")
-        for part in ("controls", "work", "said"):
+        for part in parts:
             page.click(f".tabs [href='#{part}']")
             for pane in page.locator(".phone button:visible").all() if part == "work" else [None]:
                 if pane is not None:

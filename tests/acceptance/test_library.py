@@ -20,6 +20,7 @@ from modalbase.formats.records import Place
 from service.app.supervisor import LocalService
 from service.pages.example import paper
 from tests.support.laboratory import BEAM
+from tests.support.lengths import long
 from tests.support.profiles import ANGLE, TRUTH, askew, deck, measured, points
 
 BODY = {**BEAM["geometry"], **BEAM["material"], "density_kg_m3": 2012.0}
@@ -319,7 +320,9 @@ def the_service_that_runs_here(folder: Path) -> None:
             find_endpoint()
 
 
-def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory) -> None:
+@pytest.mark.parametrize("planned", [False, long(True)])
+def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory, planned: bool) -> None:
+    """A test of a beam is planned in the short run, of the profile in the long one."""
     sizes = {
         "length_m": 0.4,
         "width_m": 0.06,
@@ -333,8 +336,12 @@ def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory) -> None:
     assert angle.shape["walls"]["web"]["thickness_m"] == 0.004
     assert angle.inputs["thickness_sd_m"] == 5e-5
     assert project.structure("angle", create=True, **stated) == angle
-    (plan,) = angle.plan([{"boundary": "free", "highest_hz": 300}], about="web.E1")
-    assert 0 < plan["expected_sd"]["web.E1"] < 0.3 * 23e9  # of the prior
+    if planned:
+        (plan,) = angle.plan([{"boundary": "free", "highest_hz": 300}], about="web.E1")
+        assert 0 < plan["expected_sd"]["web.E1"] < 0.3 * 23e9  # of the prior
+    else:
+        (plan,) = project.new_structure("beam", **BODY).plan([{"boundary": "free"}])
+        assert 0 < plan["expected_sd"]["Ex"] < 0.3 * BODY["Ex_Pa"]
     with pytest.raises(modalbase.ClientError, match="height"):
         project.structure("angle", create=True, **{**stated, "height_m": 0.09})
 

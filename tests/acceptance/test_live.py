@@ -43,10 +43,11 @@ def renewed(page: Page, selector: str) -> None:
     )
 
 
-@pytest.mark.parametrize("identified", [False, long(True)])
+@pytest.mark.long
 def test_processing_and_identification_show_themselves(
-    seen: Watched, api: httpx.Client, service: LocalService, identified: bool
+    seen: Watched, api: httpx.Client, service: LocalService
 ) -> None:
+    """Pages of updates are the short form."""
     hits = more_pages(api, bar(api)[1])[2]
     campaign = hits.rsplit("/", 1)[1]
     page = seen.page
@@ -57,8 +58,6 @@ def test_processing_and_identification_show_themselves(
         drawn(page, figure := "figure[data-figure$='/figures/hits']")
         assert "good hits (3)" in (page.text_content(f"{figure} .main-svg .legend") or "")
     renewed(page, "[data-frf-viewer]")
-    if not identified:
-        return
     with worker_stopped(service):
         ok(api.post(f"campaigns/{campaign}/identifications", json={"name": "found"}), 202)
         begun(page, hits)

@@ -135,8 +135,11 @@ def test_table_5s_starts_reach_one_point(clamped: cantilever.Study) -> None:
     assert np.all(clamped.recovered.sac_before < 0.96)
 
 
+@pytest.mark.long
 def test_a_body_that_follows_the_law_gives_the_papers_pair_back(clamped: cantilever.Study) -> None:
-    """The whole job, identification included: 1 % is the project's target at 1 % noise."""
+    """The whole job, identification included: 1 % is the project's target at 1 % noise. The short
+    form is the simulated beam.
+    """
     rows = {row.name: row for row in clamped.law_update.parameters}
     for name, value in zip(("a0", "a1"), CANTILEVER_CONVERGED, strict=True):
         assert rows[name].estimate == pytest.approx(value, rel=0.01)

@@ -168,9 +168,11 @@ def test_it_says_in_a_line_why_a_job_failed(run: Callable[[str], list[str]]) -> 
 DRAWN = ROOT / "docs/images/beam.svg"
 
 
+@pytest.mark.long
 def test_the_pictures_updated_model_lies_on_the_measurement(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The test below is the short form: it updates the same beam."""
     from examples import picture  # loads matplotlib
 
     frfs = picture.prediction()
