@@ -105,8 +105,9 @@ class FrfSet:
             raise InputError(
                 "frequency_hz", f"has shape {self.frequency_hz.shape}, expected one axis of lines"
             )
-        if np.any(np.diff(self.frequency_hz) <= 0) or self.frequency_hz[0] < 0:
-            raise InputError("frequency_hz", "must be non-negative and strictly increasing")
+        hz = self.frequency_hz
+        if not np.isfinite(hz).all() or np.any(np.diff(hz) <= 0) or hz[0] < 0:
+            raise InputError("frequency_hz", "must be finite, non-negative and strictly increasing")
         if self.values.shape != (count, lines):
             raise InputError(
                 "values", f"has shape {self.values.shape}, expected ({count}, {lines})"

@@ -142,7 +142,7 @@ MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
      "shear_strain: the closest points to 2000–6000 µε are at 1820 and 6370 µε, too"),
     (lambda: Dof(1, 0), "direction: is 0, expected ±1 … ±6"),
     (lambda: frfs(frequency_hz=np.ones((2, 2))), "frequency_hz: has shape (2, 2), expected one axis of lines"),
-    (lambda: frfs(frequency_hz=LINES[::-1]), "frequency_hz: must be non-negative and strictly increasing"),
+    (lambda: frfs(frequency_hz=LINES[::-1]), "frequency_hz: must be finite, non-negative and strictly increasing"),
     (lambda: frfs(values=np.ones((2, 4))), "values: has shape (2, 4), expected (1, 4)"),
     (lambda: frfs(references=()), "references: has 0 entries, expected 1"),
     (lambda: frfs(quantity="strain"), "quantity: is 'strain', expected one of accelerance, mobility, receptance"),
