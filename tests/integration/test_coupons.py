@@ -177,9 +177,10 @@ def test_of_a_restarted_machine_one_run_is_chosen(send: Callable[..., httpx.Resp
     assert coupon["E_Pa"] == pytest.approx(39.5074e9, rel=2e-6)
 
 
-@pytest.mark.parametrize(
-    ("changes", "pointer"),
-    [
+def test_what_cannot_be_reduced_is_refused_with_its_pointer(
+    api: httpx.Client, batch: str, send: Callable[..., httpx.Response]
+) -> None:
+    wrong: list[tuple[dict[str, Any], str]] = [
         ({"columns": {"force": "Kraft"}}, ""),
         ({"columns": {"force": "Last", "strain": "Längsdehnung"}}, "/columns"),
         (
@@ -202,25 +203,13 @@ def test_of_a_restarted_machine_one_run_is_chosen(send: Callable[..., httpx.Resp
         ({"excluded": True}, ""),
         ({"failure_code": "QQQ"}, "/failure_code"),
         ({"run": 2}, "/run"),
-    ],
-)
-def test_what_cannot_be_reduced_is_refused_with_its_pointer(
-    api: httpx.Client,
-    batch: str,
-    send: Callable[..., httpx.Response],
-    changes: dict[str, Any],
-    pointer: str,
-) -> None:
-    problem = ok(send(machine_file(CURVE), **changes), 422)
-    assert {error["pointer"] for error in problem["errors"]} == {pointer}
+    ]
+    for changes, pointer in wrong:
+        problem = ok(send(machine_file(CURVE), **changes), 422)
+        assert {error["pointer"] for error in problem["errors"]} == {pointer}, changes
+    for data in (b"", b"\0\1\2", b"-1", b"Kraft;L\xe4ngsdehnung;Querdehnung\n"):
+        assert ok(send(data), 422)["errors"], data
     assert ok(api.get(f"coupon-batches/{batch}/coupons"), 200)["items"] == []
-
-
-@pytest.mark.parametrize("data", [b"", b"\0\1\2", b"-1", b"Kraft;L\xe4ngsdehnung;Querdehnung\n"])
-def test_a_file_that_is_no_curve_is_refused(
-    send: Callable[..., httpx.Response], data: bytes
-) -> None:
-    assert ok(send(data), 422)["errors"]
 
 
 def test_a_body_that_is_neither_is_refused(api: httpx.Client, batch: str) -> None:

@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from fecore.frf import Dof, FrfSet, Quantity
 from fecore.modal import Identification, identify
 from service.compute.frf_rows import EncodedFrf
+from service.platform.errors import Fault, Invalid
 from service.tasks.import_file.compute import Kept, ReadingInputs, read_upload
 from tests.support.places import shared_file
 
@@ -24,6 +26,16 @@ def kept(
     """All that is kept of a file; the first is what the file is."""
     inputs = ReadingInputs(path, quantity, path.name, mapping=mapping, dry_run=dry_run)
     return list(read_upload(inputs, lambda *_: None))
+
+
+def refused(
+    content: bytes, path: Path, quantity: Quantity | None = None, **how: Any
+) -> list[Fault]:
+    """Why the content of a file is refused, which is written there; `how` as `ReadingInputs`."""
+    path.write_bytes(content)
+    with pytest.raises(Invalid) as caught:
+        list(read_upload(ReadingInputs(path, quantity, **how), lambda *_: None))
+    return caught.value.faults
 
 
 def frfs_in(items: Sequence[Kept]) -> list[EncodedFrf]:
