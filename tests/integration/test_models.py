@@ -21,12 +21,13 @@ from tests.support.calculix import ccx, frequencies
 from tests.support.lengths import long
 from tests.support.places import ROOT, shared_file
 from tests.support.profiles import ANGLE, TRUTH, deck, measured, points
-from tests.support.rest import finished, ok
+from tests.support.rest import finished, ok, posted, result_of
 
 HEAD, CARDS = (
     "SOL 103\nCEND\nBEGIN BULK\n",
     "CQUAD4,1,1,1,2,3,4\nPSHELL,1,1,.01,1,,1\nMAT1,1,7.+10,,.3,2700.\nENDDATA\n",
 )
+HELD_HZ = (52.4, 157.6, 175.7, 342.6, 349.2, 377.1)  # of the clamped angle of `profiles.TRUTH`
 GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,.2,0.\nGRID,4,,0.,.2,0.\n"
 
 
@@ -291,17 +292,38 @@ def handed_back(api: httpx.Client, address: str, constants: dict[str, Any]) -> N
     assert model.sections["flange"].materials != model.sections["web"].materials
 
 
-@pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
-def test_without_joints_the_decks_own_solver_agrees(api: httpx.Client, bare: str) -> None:
+def test_without_joints_a_result_and_its_deck_say_so(api: httpx.Client, bare: str) -> None:
     sent(api, bare, deck(), units="m-N-kg")
-    content, recipe = measured(boundary="cantilever"), {"junctions": "off"}
-    address, result = updated(api, bare, content, "as_modelled", recipe)
+    body = {"name": "typed", "boundary": "as_modelled"}
+    campaign = posted(api, f"structures/{bare}/campaigns", body)["id"]
+    typed = {"name": "typed", "modes": [{"frequency_hz": hz} for hz in HELD_HZ]}
+    modes = posted(api, f"campaigns/{campaign}/mode-sets", typed)["id"]
+    recipe = {"junctions": "off", "mode_set": modes, "parameters": [{"name": "flange.E1"}]}
+    begun = api.post(f"campaigns/{campaign}/update-jobs", json=recipe).headers["Location"]
+    assert finished(api, begun)["status"] == "succeeded"
+    say_that_joints_lack(api, begun, result_of(api, begun))
+
+
+def say_that_joints_lack(api: httpx.Client, address: str, result: dict[str, Any]) -> bytes:
+    """The updated deck."""
     (finding,) = [each for each in result["findings"] if each["kind"] == "without_joints"]
     assert "wrong by 1.6 %" in finding["text"]
     assert result["provenance"]["recipe"]["junctions"] == "off"
-    after = api.get(f"{api.base_url.join(address)}/deck").content
-    head = [line for line in after.decode().splitlines() if line.startswith("** ")]
+    updated_deck = api.get(f"{api.base_url.join(address)}/deck").content
+    head = [line for line in updated_deck.decode().splitlines() if line.startswith("** ")]
     assert any("without a model of the joints" in line for line in head)
+    return updated_deck
+
+
+@pytest.mark.long
+@pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
+def test_without_joints_the_decks_own_solver_agrees(api: httpx.Client, bare: str) -> None:
+    """In short the test above, and the solver's in `tests/unit/formats/models/test_write_inp.py`."""
+    sent(api, bare, deck(), units="m-N-kg")
+    content, recipe = measured(boundary="cantilever"), {"junctions": "off"}
+    address, result = updated(api, bare, content, "as_modelled", recipe)
+    after = say_that_joints_lack(api, address, result)
+    head = [line for line in after.decode().splitlines() if line.startswith("** ")]
     expected = [
         float(line.split(" Hz")[0].split()[-1]) for line in head if line.startswith("** mode ")
     ]
