@@ -91,12 +91,12 @@ def test_a_change_of_one_percent_raises_one_alarm_that_the_page_explains(
 ) -> None:
     structure = new_structure(client, "footbridge")
     made = make(np.random.default_rng(2), -0.01).runs
-    runs = [run for run in made if int(run.label) < BASELINE + CHANGE + 8]
+    runs = [run for run in made if 10 <= int(run.label) < BASELINE + CHANGE + 4]
     type_in(client, structure, runs)
     monitor = watch(
         client,
         structure,
-        baseline={"campaigns": BASELINE - 10},
+        baseline={"campaigns": BASELINE - 20},
         covariates=[*COVARIATES],
         horizon=40,
     )

@@ -18,7 +18,7 @@ from service.platform.errors import Invalid
 
 assert composition.ROUTERS  # so that every table is known
 
-BIG = {"frfs": 60_000, "modes": 50_000, "update_results": 30_000}
+BIG = {"frfs": 30_000, "modes": 25_000, "update_results": 15_000}
 """Tables that are not read whole, with their rows."""
 
 
@@ -39,7 +39,7 @@ def user(engine: Engine, sessions: Sessions) -> User:
             values,
         )
         rows = filling(
-            project, 100, 0.995, campaigns=20, frfs=30, modes=25, results=15, spectrum="''"
+            project, 50, 0.995, campaigns=20, frfs=30, modes=25, results=15, spectrum="''"
         )
         for statement in rows:
             session.connection().connection.driver_connection.execute(statement)  # type: ignore[union-attr]

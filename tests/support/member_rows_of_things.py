@@ -226,6 +226,7 @@ THINGS: dict[str, Body] = {
         {"units": "mm-N-t", "filename": "m.msh", "sections": _OF_SETS, "accept": "clamp"},
         ids={"structure_id": "sent_id"},
         then="",
+        short=("filename", "accept", "confirm"),
     ),
     "GET /structures/{structure_id}/models": Body(ids={"structure_id": "bare_id"}),
     "GET /structures/{structure_id}/model/mesh": Body({"boundary": "cantilever"}),
