@@ -312,7 +312,9 @@ FAULTS = (
 )  # fmt: skip
 
 
+@pytest.mark.long
 def test_contracts_catch_each_fault(copy: Path) -> None:
+    """In short `make check` has the contracts hold."""
     for file, fault, _ in FAULTS:
         with (copy / file).open("a") as target:
             target.write(f"\n{fault}\n")

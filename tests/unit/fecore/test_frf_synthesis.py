@@ -46,7 +46,9 @@ def test_superposition_with_residuals_against_the_direct_solve(boundary, reduced
     assert np.max(np.abs(found - exact) / peak) < 1e-6
 
 
+@pytest.mark.long
 def test_residual_terms_each_gain_an_order() -> None:
+    """In short superposition with them is the direct solution."""
     state = at_prior(forward("cantilever", 8, reduced=False))
     frequency = np.linspace(5, 1000, 40)
     frfs = state.frf_model(DOFS, [DOFS[0]] * 4)

@@ -48,7 +48,9 @@ def test_closest_points_find_the_frame_of_a_body_without_symmetry(body: Structur
         np.testing.assert_allclose(moved[:, 1:], places[:, 1:], atol=5e-3)
 
 
+@pytest.mark.long
 def test_a_symmetric_grid_has_several_answers(body: Structure) -> None:
+    """In short one without symmetry has one, above."""
     ends = np.array(
         [[x, 0.0, -0.04] for x in (0.05, 0.2, 0.35)] + [[x, 0.01, -0.04] for x in (0.05, 0.2, 0.35)]
     )

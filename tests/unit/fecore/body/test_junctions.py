@@ -13,6 +13,7 @@ from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from tests.support.bodies import hz, pencil
+from tests.support.lengths import long
 from tests.support.shells import grid, isotropic
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
@@ -86,7 +87,7 @@ def short_body(
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(
-    ("walls", "other", "height", "length"), [(0.5, 2.0, 5, 1), (8, 2.0, 24, 24)]
+    ("walls", "other", "height", "length"), [(0.5, 2.0, 5, 1), long(8, 2.0, 24, 24)]
 )
 def test_elements_of_any_size_have_definite_matrices(shape, walls, other, height, length) -> None:
     t = 0.01
@@ -110,7 +111,7 @@ def test_frequencies_converge_as_elements_become_smaller_than_walls() -> None:
     assert fine < 2e-3
 
 
-@pytest.mark.parametrize("shape", ["box", "panel"])
+@pytest.mark.parametrize("shape", [long("box"), "panel"])
 def test_energies_of_shapes_have_exact_derivatives(shape) -> None:
     """By every constant: a complex step of the coefficients with forms from strains, against the
     matrices' differences.

@@ -65,7 +65,9 @@ def test_new_nodes_of_facets_lie_on_the_cylinder_to_the_fourth_order_up_to_its_e
     assert facet_turn(deck("curved", 3, 6, "quad8").mesh) == 0  # its sides are curved already
 
 
+@pytest.mark.long
 def test_frequencies_converge_as_the_order_says() -> None:
+    """In short a forecast has those of a finer mesh, in `test_mesh_error.py`."""
     bodies = [deck("curved", 6, 4, "quad4")]
     for _ in range(3):
         bodies.append(refined(bodies[-1]).body)

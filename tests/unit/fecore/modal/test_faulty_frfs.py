@@ -13,6 +13,7 @@ from fecore.frf import Dof, FrfSet
 from fecore.modal import identify, set_with_gaps
 from fecore.modal.prepare import screen
 from tests.support.beams import LINES, PAPER_HZ, PAPER_ZETA, assert_papers_modes, paper_frfs
+from tests.support.lengths import long
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +165,7 @@ def test_modal_constants_tell_that_all_frfs_are_another_quantity() -> None:
     assert [each.count("quantity_of_all") for each in kinds] == [0, 1]
 
 
-@pytest.mark.parametrize("fault", ["noise", "half"])
+@pytest.mark.parametrize("fault", ["noise", long("half")])
 def test_one_frf_that_says_nothing_takes_no_mode_from_the_others(fault: str) -> None:
     """It is noise thirty times as large as itself, or was measured to the middle of the band: then its own part
     of the shapes is not known, and the others are as without it.

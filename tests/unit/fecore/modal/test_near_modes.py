@@ -12,6 +12,7 @@ from fecore.modal import identify
 from fecore.modal.arrangement import arrange
 from fecore.modal.shapes import of_rank_two
 from tests.support.beams import add_noise
+from tests.support.lengths import long
 
 LINE = 1 / 32  # Hz
 POINTS = 20
@@ -43,7 +44,7 @@ def frfs(
     return FrfSet(hz, values, tuple(a for a, _ in pairs), tuple(b for _, b in pairs)), f, zeta, phi
 
 
-@pytest.mark.parametrize(("gap", "likeness"), [(1 / 6, 0.995), (1 / 3, 0.96)])
+@pytest.mark.parametrize(("gap", "likeness"), [(1 / 6, 0.995), long(1 / 3, 0.96)])
 def test_two_references_part_modes_a_fraction_of_a_line_apart(gap: float, likeness: float) -> None:
     """At a sixth the references part them; at a third the series has both poles, and its shapes mix
     a little more.
@@ -119,7 +120,7 @@ def tour(f: np.ndarray, drift: np.ndarray) -> FrfSet:
     return FrfSet(hz, values, (Dof(99, 3),) * drift.size, dofs, "accelerance")
 
 
-@pytest.mark.parametrize("course", [np.repeat([-0.5, 0.5], 6), np.linspace(-0.5, 0.5, 12)])
+@pytest.mark.parametrize("course", [np.repeat([-0.5, 0.5], 6), long(np.linspace(-0.5, 0.5, 12))])
 def test_a_tour_in_which_the_structure_drifts_beyond_a_bandwidth_has_each_mode_once(
     course: np.ndarray,
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from fecore.trend import Series, Watch, assess, fit_baseline
 from fecore.trend.common_factor import FALSE_ALARMS, common_factor
+from tests.support.lengths import long
 
 DATES = tuple(datetime(2024, 1, 1, tzinfo=UTC) + timedelta(days=30 * i) for i in range(12))
 WATCH = Watch({"Ex": "fall", "Gxy": "fall", "a0": "rise"}, covariates=("temperature_c",))
@@ -50,7 +51,7 @@ def test_humidity_that_was_not_recorded_is_said_at_the_baseline() -> None:
     assert "humidity" in example
 
 
-@pytest.mark.parametrize(("correlation", "scatter"), [(0.0, 0.004), (0.9, 0.0)])
+@pytest.mark.parametrize(("correlation", "scatter"), [long(0.0, 0.004), (0.9, 0.0)])
 def test_own_scatter_or_shared_noise_is_called_no_oftener_than_stated(
     correlation: float, scatter: float
 ) -> None:

@@ -160,10 +160,11 @@ def test_a_loss_of_stiffness_is_called_stiffness(seeds: int) -> None:
     )
 
 
+@pytest.mark.long
 @SEEDS
 def test_a_loss_of_several_moduli_is_more_than_humidity_does(seeds: int) -> None:
     """A strip's modes see Ex and Gxy, so both together look as all stiffness does; the temperature
-    is given.
+    is given. In short that of one is, and humidity is a climate.
     """
     found = [ranked(seed, {"Ex": -0.03, "Gxy": -0.03})[0].kind for seed in range(seeds)]
     assert found.count("stiffness") >= seeds - 1

@@ -68,7 +68,7 @@ def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> N
     assert (0.78 if ratio == 0 else 0.9) <= np.std(scores) <= 1.1
 
 
-@pytest.mark.parametrize("ratio", [0.0, long(0.9), 1.33, long(30.0)])
+@pytest.mark.parametrize("ratio", [*map(long, (0.0, 0.9)), 1.33, long(30.0)])
 def test_no_scatter_between_campaigns_makes_scores_larger_than_stated(ratio: float) -> None:
     """P(score > 2.3) of later campaigns, known exactly for each baseline as the truth is: at most
     what Φ says.

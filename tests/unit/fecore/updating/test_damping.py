@@ -141,7 +141,9 @@ def test_a_dent_at_the_driving_point_is_not_taken_for_damping(state: ForwardStat
     np.testing.assert_array_equal(np.delete(left, row, axis=0), np.delete(dented, row, axis=0))
 
 
+@pytest.mark.long
 def test_noise_covariance_matches_scatter(state: ForwardState) -> None:
+    """In short that of stage 1 does, in `test_elastic.py`."""
     fits = []
     for seed in range(40):
         frfs = measured(state, 0.05, seed=seed)

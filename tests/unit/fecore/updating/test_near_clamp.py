@@ -106,7 +106,9 @@ def test_a_sensor_near_a_clamp_has_no_wrong_sensitivity(
     ] * bool(kind)
 
 
+@pytest.mark.long
 def test_a_mode_beyond_the_last_line_was_not_missed() -> None:
+    """In short neither was the other of two in one, below."""
     model = forward(BODY, PLACES)
     hz = model.solve(model.parametrisation.prior_mean).frequency_hz
     measured, missing = hz[4:6]

@@ -145,13 +145,15 @@ def test_torsion_is_not_expected_where_it_is_not_measured() -> None:
     assert unseen.verdict.level == "usable"  # torsion is not measured there, nor to be expected
 
 
+@pytest.mark.long
 def test_damping_does_not_suffer_from_a_clamp_that_gives_way_and_an_unstated_sensor() -> None:
     """The model's shapes are wrong then, over whole resonances: the FRFs alone put a1 several per
     cent off.
 
     The modes' own ratios, which are as good as their noise, put it right; and that the constants
     move to make up for clamp and sensor moves frequencies which the fit of damping lets go, so
-    neither enters the budget of a1.
+    neither enters the budget of a1. In short `tests/corpus` has the damping of good FRFs by
+    whatever law.
     """
     truth = Truth(clamp=0.01, sensor=1.5e-3, length=0.5e-3)
     material = replace(NOMINAL, Ex=0.8 * NOMINAL.Ex, Gxy=1.2 * NOMINAL.Gxy)

@@ -97,12 +97,10 @@ def updated(seed: int, spread: float, noise: float, shapes: bool) -> UpdateResul
 def test_shapes_improve_a_model_whose_turns_have_no_mass(
     seed: int, spread: float, noise: float
 ) -> None:
-    by_shapes, without = updated(seed, spread, noise, True), updated(seed, spread, noise, False)
-    sds = {row.name: row.standard_deviation for row in without.parameters}
+    by_shapes = updated(seed, spread, noise, True)
     for row in by_shapes.parameters:
         if (part := row.name.removesuffix(".factor")) in TRUTH:
             assert abs(row.estimate - TRUTH[part]) < 3.5 * row.standard_deviation, row
-            assert row.standard_deviation < 1.2 * sds[row.name]
     rows = [
         row for row in by_shapes.modes if row.updated_hz is not None and row.measured_hz is not None
     ]
@@ -113,3 +111,12 @@ def test_shapes_improve_a_model_whose_turns_have_no_mass(
         for values in ([row.initial_hz for row in rows], [row.updated_hz for row in rows])
     )
     assert after < 0.006 < 0.05 < before
+
+
+@pytest.mark.long
+def test_shapes_widen_no_interval() -> None:
+    """In short the truth lies within them, above."""
+    by_shapes, without = (updated(2, 0.1, 0.05, shapes) for shapes in (True, False))
+    for row, other in zip(by_shapes.parameters, without.parameters, strict=True):
+        if row.name.removesuffix(".factor") in TRUTH:
+            assert row.standard_deviation < 1.2 * other.standard_deviation

@@ -54,8 +54,11 @@ def coefficients(result: UpdateResult) -> np.ndarray:
     return np.array([rows["a0"].estimate, rows["a1"].estimate])
 
 
+@pytest.mark.long
 def test_rigid_modes_of_a_free_body_tell_nothing_of_its_law(hanging: Specimen) -> None:
-    """Rates of three times a0: taken for the law's they moved a0 by 2 %."""
+    """Rates of three times a0: taken for the law's they moved a0 by 2 %. In short modes on springs
+    do not, and a free body has its law, below.
+    """
     state = solved(hanging)
     rate = damping_rate(RAYLEIGH, LAW, state.modes.omega)
     rate[: state.modes.rigid] *= 3
