@@ -79,7 +79,9 @@ def test_the_cards_say_where_they_are_from(
 @pytest.mark.long
 @needs_ccx
 def test_calculix_finds_the_frequencies(api: httpx.Client, job: dict[str, Any]) -> None:
-    """Here and below: `integration/test_models.py` has CalculiX solve decks in the short run."""
+    """Here and below: `integration/test_matrices.py` and `formats/models/test_write_inp.py` have
+    CalculiX read and solve decks in the short run.
+    """
     updated = [mode["updated_hz"] for mode in job["result"]["modes"]]
     for element, most in (("solid", 0.002), ("shell", 0.01)):
         deck = ok_text(api, f"update-jobs/{job['id']}/cards?element={element}")

@@ -26,6 +26,7 @@ from tests.support.command import (
     refusals,
     wait_until_gone,
 )
+from tests.support.lengths import long
 from tests.support.rest import posted
 from tests.support.waiting import PATIENCE, until
 
@@ -259,10 +260,11 @@ def starting(data: Path) -> tuple[subprocess.Popen[str], psutil.Process]:
     return process, found
 
 
+@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), long(signal.SIGTERM, 0)])
 def test_an_api_that_dies_while_starting_ends_up_at_once_and_so_does_a_signal(
-    short_folder: Path,
+    short_folder: Path, signal_: signal.Signals, code: int
 ) -> None:
-    data = short_folder / "dies"
+    data = short_folder / f"dies by {code}"
     process, api = starting(data)
     api.kill()
     shown, errors = process.communicate(timeout=PATIENCE)
@@ -271,10 +273,10 @@ def test_an_api_that_dies_while_starting_ends_up_at_once_and_so_does_a_signal(
     wait_until_gone(data)
     process, api = starting(data)
     api.suspend()  # it stays starting
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(signal_)
     api.resume()
     _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, errors
+    assert process.returncode == code, errors
     wait_until_gone(data)
 
 

@@ -7,8 +7,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
+import pytest
+
 from tests.acceptance.test_correcting import bar
 from tests.support.browser import Watched, drawn
+from tests.support.lengths import long
 from tests.support.rest import posted
 
 if TYPE_CHECKING:
@@ -33,7 +36,10 @@ def a_drawing_opened_alone_has_its_colours(page: Page, campaign: str) -> None:
         assert len({stroke for _, stroke in colors}) > 3
 
 
-def test_what_a_zoom_brings_into_view_is_fetched(seen: Watched, api: httpx.Client) -> None:
+@pytest.mark.parametrize("alone", [False, long(True)])
+def test_what_a_zoom_brings_into_view_is_fetched(
+    seen: Watched, api: httpx.Client, alone: bool
+) -> None:
     """The response of a hit of 16,384 samples: of the whole the least and greatest of each stretch,
     of a part all. The drawing alone has its colours.
     """
@@ -62,7 +68,8 @@ def test_what_a_zoom_brings_into_view_is_fetched(seen: Watched, api: httpx.Clien
     assert page.evaluate(
         f'document.querySelector("{HITS} .js-plotly-plot").layout.xaxis2.range'
     ) == [0.5, 0.51]
-    a_drawing_opened_alone_has_its_colours(page, campaign)
+    if alone:
+        a_drawing_opened_alone_has_its_colours(page, campaign)
 
 
 def long_hit(count: int, rate: float) -> dict[str, object]:

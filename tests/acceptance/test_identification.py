@@ -33,10 +33,11 @@ def started(api: httpx.Client, campaign: str, body: dict[str, Any]) -> str:
     return f"identifications/{posted(api, f'campaigns/{campaign}/identifications', body)['id']}"
 
 
+@pytest.mark.long
 def test_an_aeroplane_is_imported_and_identified_without_an_invented_geometry(
     api: httpx.Client,
 ) -> None:
-    """In a band with six of its modes; the corpus has all of them."""
+    """In a band with six of its modes; the corpus has all of them. The dam below is the short form."""
     file = shared_file("BLIND_OPEN", "blind-open", "real-like-aeroplane.uff")
     campaign = campaign_of(api, file)
     job = finished(api, started(api, campaign, {"name": "all", "band_hz": [10, 55]}))
@@ -106,6 +107,13 @@ def test_a_band_and_doubtful_modes_are_options(api: httpx.Client) -> None:
     assert len(kept) == len(job["result"]["modes"]) + len(job["result"]["doubtful"])
     for true in (2.482, 2.958, 3.497, 4.081, 4.166, 4.632):
         assert sum(abs(mode["frequency_hz"] / true - 1) < 0.003 for mode in kept) == 1
+    figure = ok(api.get(f"identifications/{job['id']}/figures/stabilisation"))
+    *traces, fitted = [trace for trace in figure["data"] if "marker" in trace]
+    assert fitted["name"] == "fitted pole"
+    orders = [order for trace in traces for order in trace["y"]]
+    assert sorted(orders) == sorted(job["result"]["stabilisation"]["order"])
+    refused = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 422)
+    assert "geometry" in str(refused)
     wrong = api.post(f"campaigns/{campaign}/identifications", json={"band_hz": [5.0, 2.0]})
     assert wrong.status_code == 422
     assert pytest.approx(2.2) == job["options"]["band_hz"][0]

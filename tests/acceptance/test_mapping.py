@@ -156,15 +156,7 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(
     first.locator("label:has-text('Read point_5.wav so, too') input").check()
     read_so(page, api, "point_4.wav")
 
-    page.wait_for_selector("form[data-name='frfs.mat']")
-    form_of(page, "frfs.mat").locator("[data-look]").select_option("frfs")
-    page.wait_for_selector("form[data-name='frfs.mat'] [name='frf/real']")
-    page.select_option("[name=quantity]:visible", "mobility")
-    page.select_option("[name='frf/real']", "Hr")
-    page.select_option("[name='frf/imaginary']", "Hi")
-    fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
-    for side in ("response", "reference"):
-        page.select_option(f"[name={side}_direction]:visible", "3")
+    frfs_are_chosen(page)
     assert hindrances(page) == []
     read_so(page, api, "frfs.mat")
     page.click(".tabs a:text('Measurement')")
@@ -258,8 +250,11 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
         asked.locator("[name='channels/1/direction']").select_option("3")
         for n in (0, 1):
             asked.locator(f"[name='channels/{n}/sensitivity']").fill("1")
-    dropped(page, {"second.mat": mat(f=FREQUENCY, H=VALUES)})
+    dropped(page, {"frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag)})
     press_so(page, api, name)
+    frfs_are_chosen(page)
+    press_so(page, api, "frfs.mat")
+    assert ("frfs.mat", "succeeded", 2) in counts(api, campaign)
     assert (name, "succeeded", 6) in counts(api, campaign)
     rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]
     assert sorted({(row["force_point"], row["hit"]) for row in rows}) == [
@@ -269,7 +264,21 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
     ]
 
 
+def frfs_are_chosen(page: Page) -> None:
+    page.wait_for_selector("form[data-name='frfs.mat']")
+    form_of(page, "frfs.mat").locator("[data-look]").select_option("frfs")
+    page.wait_for_selector("form[data-name='frfs.mat'] [name='frf/real']")
+    page.select_option("[name=quantity]:visible", "mobility")
+    page.select_option("[name='frf/real']", "Hr")
+    page.select_option("[name='frf/imaginary']", "Hi")
+    fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
+    for side in ("response", "reference"):
+        page.select_option(f"[name={side}_direction]:visible", "3")
+
+
+@pytest.mark.long
 def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:
+    """As a desk does above."""
     key = service.new_key("pocket")
     with (
         client_at(service.url, key) as api,
@@ -277,15 +286,5 @@ def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:
     ):
         campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        dropped(page, {"frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag)})
+        dropped(page, {"long.wav": wav([1.0, 4.0], 7.0), "frfs.mat": mat(f=FREQUENCY, H=VALUES)})
         assert (overflow(seen), hindrances(page)) == (0, [])
-        form_of(page, "frfs.mat").locator("[data-look]").select_option("frfs")
-        page.wait_for_selector("form[data-name='frfs.mat'] [name='frf/real']")
-        page.select_option("[name=quantity]:visible", "mobility")
-        page.select_option("[name='frf/real']", "Hr")
-        page.select_option("[name='frf/imaginary']", "Hi")
-        fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
-        for side in ("response", "reference"):
-            page.select_option(f"[name={side}_direction]:visible", "3")
-        press_so(page, api, "frfs.mat")
-        assert ("frfs.mat", "succeeded", 2) in counts(api, campaign)

@@ -9,8 +9,10 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import httpx
 import numpy as np
@@ -18,6 +20,7 @@ import psutil
 import psycopg
 import pytest
 
+from service.app.running import announced
 from service.app.supervisor import Component, LocalService, RestartLimitError, StartError
 from service.platform.db import schema
 from service.platform.db.engine import psycopg_url
@@ -26,18 +29,20 @@ from service.platform.db.postgres import ACCOUNT
 from service.platform.settings import Settings
 from tests.support.command import living, modalbase, modalbase_here, status, up, wait_until_gone
 from tests.support.laboratory import BEAM
+from tests.support.lengths import long
 from tests.support.rest import plain_client
 from tests.support.waiting import PATIENCE, until
 
 
+@pytest.mark.parametrize("beside", [False, long(True)])
 def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
-    short_folder: Path, empty_database: str, unpacked: Path, laboratory: Path
+    short_folder: Path, empty_database: str, unpacked: Path, laboratory: Path, beside: bool
 ) -> None:
     """From the wheel alone, in the default folder of a home with a space, as on macOS: the first
     start makes a key and prints it, what dies is started again, no end leaves anything running, and
-    no process takes a file of the laboratory's own folder for a module. The restored service runs
-    beside it on a server of its own: the same key opens it, the same bits come out, and commands
-    that do not say which of the two they mean are refused.
+    no process takes a file of the laboratory's own folder for a module. In the long run the
+    restored service runs beside it on a server of its own: the same key opens it, and the same bits
+    come out. Commands that do not say which of the two they mean are refused.
     """
     home = short_folder / "Prüf stand" / ("with a long name, " * 6)
     home.mkdir(parents=True)
@@ -75,25 +80,35 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
         again = modalbase_here("backup", file, "--data", data, code=1)
         assert again.stderr == f"modalbase: {file} exists; a backup overwrites nothing\n"
         modalbase_here("restore", file, code=0, **own)
-        with (
-            up(short_folder / "no data", **own, **around) as (other, there, second),
-            client(there, key) as restored,
-        ):
-            assert second == ""  # there is a key already
-            assert same(before, restored.get(frfs).raise_for_status().content)
+        modalbase_here("verify", code=0, **own)
+        with ExitStack() as stack:
+            if beside:
+                other, there, second = stack.enter_context(
+                    up(short_folder / "no data", **own, **around)
+                )
+                assert second == ""  # there is a key already
+                restored = stack.enter_context(client(there, key))
+                assert same(before, restored.get(frfs).raise_for_status().content)
+            else:
+                with patch.dict(os.environ, around):
+                    stack.enter_context(announced("http://127.0.0.1:9", None))
             ended = modalbase_here("keys", "create", "--name", "ada", code=1, **around)
             assert "2 services run here; say which with --data" in ended.stderr
             assert str(data) in ended.stderr
             assert len(living(data)) >= 4  # the command, the API, the worker, PostgreSQL
-            process.kill()  # its note stays, and names nobody
-            process.wait()
+            if beside:
+                process.kill()  # its note stays, and names nobody
+            else:
+                process.send_signal(signal.SIGINT)
+            assert process.wait(PATIENCE) == (-signal.SIGKILL if beside else 0)
             wait_until_gone(data)
             ended = modalbase_here("keys", "create", "--name", "x", code=1, **around)
             assert "has a database server of its own; set MODALBASE_DATABASE_URL" in ended.stderr
-            parts = psutil.Process(other.pid).children()
-            other.send_signal(signal.SIGINT)
-            assert other.wait(PATIENCE) == 0
-            assert not any(map(psutil.Process.is_running, parts))
+            if beside:
+                parts = psutil.Process(other.pid).children()
+                other.send_signal(signal.SIGINT)
+                assert other.wait(PATIENCE) == 0
+                assert not any(map(psutil.Process.is_running, parts))
         assert "/api/v1/projects" not in log.read_text()  # no line for each request
         assert "py.warnings" not in log.read_text()
     assert "services run here" not in modalbase_here("db", "current", **around).stderr
