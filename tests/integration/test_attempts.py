@@ -347,4 +347,9 @@ def test_a_paused_worker_lets_go_of_what_another_has_taken_over(
             (busy,) = put(sessions, "stubborn")
             wait(sessions, busy, lambda job: "factorising" in (job.stage or ""))
             assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
+            with sessions.begin() as session:
+                request_cancel(session, busy)
+            jobs = [wait(sessions, each) for each in put(sessions, "echo", 8)]  # both share them
+    assert {(job.state, job.attempt) for job in jobs} == {("succeeded", 1)}
+    assert all(len(items(sessions, job.id)) == 2 for job in jobs)
     assert len(items(sessions, job_id)) == 5

@@ -8,12 +8,14 @@ from pathlib import Path
 from uuid import UUID
 
 import psutil
+import pytest
 from sqlalchemy import delete, func, select, text, update
 
 from service.platform.access.tables import Project
 from service.platform.db.engine import Sessions, make_engine, make_sessions
+from service.platform.errors import Conflict
 from service.platform.queue.dispatch import begin_next
-from service.platform.queue.queue import enqueue, request_cancel
+from service.platform.queue.queue import enqueue, request_cancel, retry
 from service.platform.queue.tables import Job
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE, until
@@ -91,12 +93,70 @@ def test_each_fails_alone_with_the_reason(worked: Sessions) -> None:
     }
 
 
-def test_cancel_ends_a_stubborn_computation(worked: Sessions) -> None:
+@pytest.fixture
+def no_notice(worked: Sessions) -> Iterator[None]:
+    """The worker is not woken by what asks it to abort a job."""
+    trigger = "procrastinate_jobs_notify_queue_job_aborted_v1"
+    for act in ("DISABLE", "ENABLE"):
+        with worked.begin() as session:
+            session.execute(text(f"ALTER TABLE procrastinate_jobs {act} TRIGGER {trigger}"))
+        if act == "DISABLE":
+            yield
+
+
+@pytest.mark.parametrize("notice", [True, False], ids=["notice", "looking"])
+def test_cancelled_computation_is_gone(
+    worked: Sessions, notice: bool, request: pytest.FixtureRequest
+) -> None:
+    if not notice:
+        request.getfixturevalue("no_notice")
     (job_id,) = put(worked, "stubborn")
-    wait(worked, job_id, lambda job: "factorising" in (job.stage or ""))
+    stage = wait(worked, job_id, lambda job: "factorising" in (job.stage or "")).stage or ""
+    child = psutil.Process(int(stage.rsplit(maxsplit=1)[1]))
     with worked.begin() as session:
+        assert request_cancel(session, job_id).state == "running"
+    job = wait(worked, job_id)
+    assert (job.state, job.message) == ("cancelled", "cancelled on request")
+    until(
+        lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE,
+        "the end of the child",
+    )
+    assert run(worked, "echo").state == "succeeded"
+
+
+def test_retried_job_runs_again(worked: Sessions) -> None:
+    (job_id,) = put(worked, "refusing")
+    assert wait(worked, job_id).state == "failed"
+    with worked.begin() as session:
+        again = retry(session, job_id)
+        assert (again.state, again.message, again.error, again.finished_at) == (
+            "queued",
+            None,
+            None,
+            None,
+        )
+    job = wait(worked, job_id)
+    assert (job.state, job.attempt) == ("failed", 2)
+
+
+def test_cancelled_job_can_be_retried(works: Works) -> None:
+    (job_id,) = put(works.sessions, "slow")
+    held(works.sessions, job_id)
+    with works.sessions.begin() as session:
         request_cancel(session, job_id)
-    assert wait(worked, job_id).state == "cancelled"
+    assert wait(works.sessions, job_id).state == "cancelled"
+    works.gate.open(job_id, 10, 20)
+    with works.sessions.begin() as session:
+        retry(session, job_id)
+    assert wait(works.sessions, job_id).state == "succeeded"
+    assert len(items(works.sessions, job_id)) == 5  # those of the attempt that succeeded
+
+
+def test_only_what_failed_or_was_cancelled_is_retried(worked: Sessions) -> None:
+    (job_id,) = put(worked, "echo")
+    wait(worked, job_id)
+    with pytest.raises(Conflict, match="is succeeded"), worked.begin() as session:
+        retry(session, job_id)
 
 
 @contextmanager
@@ -158,15 +218,6 @@ def test_a_worker_that_shall_end_finishes_what_runs_or_puts_it_back(
     with sessions.begin() as session:
         again = begin_next(session, None, "another worker", None)
         assert (again.id, again.attempt) == (second, 2)
-
-
-def test_two_workers_share_without_doing_anything_twice(works: Works) -> None:
-    with worker(works.url, works.gate):
-        with busy(works):  # one of them, so that the other has come when the next is done
-            assert run(works.sessions, "echo").state == "succeeded"
-        jobs = [wait(works.sessions, job_id) for job_id in put(works.sessions, "echo", 8)]
-    assert {(job.state, job.attempt) for job in jobs} == {("succeeded", 1)}
-    assert all(len(items(works.sessions, job.id)) == 2 for job in jobs)
 
 
 def test_the_next_job_begins_when_one_ends(database: str) -> None:

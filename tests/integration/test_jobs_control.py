@@ -3,7 +3,6 @@ clearing up.
 """
 
 import hashlib
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -17,15 +16,14 @@ from sqlalchemy import func, select, text, update
 
 from service.platform.access.tables import Project
 from service.platform.db.engine import Sessions
-from service.platform.errors import Conflict
 from service.platform.queue import queue
 from service.platform.queue.dispatch import begin_next
 from service.platform.queue.metrics import JobMetrics
-from service.platform.queue.queue import enqueue, request_cancel, retry
+from service.platform.queue.queue import enqueue
 from service.platform.queue.tables import Job, JobCheckpoint
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE, until
-from tests.support.working import Gate, Works, held, items, put, run, wait, worker
+from tests.support.working import Gate, held, items, put, wait, worker
 
 TICKETS = text("SELECT count(*) FROM procrastinate_jobs")
 
@@ -106,52 +104,6 @@ def test_limit_of_a_project_holds_when_many_claim_at_once(sessions: Sessions) ->
     assert len({take(sessions) for _ in range(5)}) == 5
 
 
-@pytest.fixture(scope="module")
-def worker_settings() -> dict[str, Any]:
-    return {"worker_concurrency": 2, "project_job_limit": 1}
-
-
-def test_a_job_that_the_limit_held_back_starts_when_there_is_room(worked: Sessions) -> None:
-    jobs = queued(worked, many=4)["many"]
-    ended = [wait(worked, job_id) for job_id in jobs]
-    spans = sorted(
-        (job.started_at, job.finished_at) for job in ended if job.started_at and job.finished_at
-    )
-    assert len(spans) == 4
-    assert all(first[1] <= second[0] for first, second in pairwise(spans))
-
-
-@pytest.fixture
-def no_notice(worked: Sessions) -> Iterator[None]:
-    """The worker is not woken by what asks it to abort a job."""
-    trigger = "procrastinate_jobs_notify_queue_job_aborted_v1"
-    for act in ("DISABLE", "ENABLE"):
-        with worked.begin() as session:
-            session.execute(text(f"ALTER TABLE procrastinate_jobs {act} TRIGGER {trigger}"))
-        if act == "DISABLE":
-            yield
-
-
-@pytest.mark.parametrize("notice", [True, False], ids=["notice", "looking"])
-def test_cancelled_computation_is_gone(
-    worked: Sessions, notice: bool, request: pytest.FixtureRequest
-) -> None:
-    if not notice:
-        request.getfixturevalue("no_notice")
-    (job_id,) = put(worked, "stubborn")
-    stage = wait(worked, job_id, lambda job: "factorising" in (job.stage or "")).stage or ""
-    child = psutil.Process(int(stage.rsplit(maxsplit=1)[1]))
-    with worked.begin() as session:
-        assert request_cancel(session, job_id).state == "running"
-    job = wait(worked, job_id)
-    assert (job.state, job.message) == ("cancelled", "cancelled on request")
-    until(
-        lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE,
-        "the end of the child",
-    )
-    assert run(worked, "echo").state == "succeeded"
-
-
 def test_a_job_cancelled_before_its_work_starts_leaves_its_place(
     sessions: Sessions, database: str
 ) -> None:
@@ -159,41 +111,6 @@ def test_a_job_cancelled_before_its_work_starts_leaves_its_place(
     with worker(database, work="work_where_an_abort_comes_first"):
         assert wait(sessions, first).state == "cancelled"
         assert wait(sessions, second).state == "succeeded"
-
-
-def test_retried_job_runs_again(worked: Sessions) -> None:
-    (job_id,) = put(worked, "refusing")
-    assert wait(worked, job_id).state == "failed"
-    with worked.begin() as session:
-        again = retry(session, job_id)
-        assert (again.state, again.message, again.error, again.finished_at) == (
-            "queued",
-            None,
-            None,
-            None,
-        )
-    job = wait(worked, job_id)
-    assert (job.state, job.attempt) == ("failed", 2)
-
-
-def test_cancelled_job_can_be_retried(works: Works) -> None:
-    (job_id,) = put(works.sessions, "slow")
-    held(works.sessions, job_id)
-    with works.sessions.begin() as session:
-        request_cancel(session, job_id)
-    assert wait(works.sessions, job_id).state == "cancelled"
-    works.gate.open(job_id, 10, 20)
-    with works.sessions.begin() as session:
-        retry(session, job_id)
-    assert wait(works.sessions, job_id).state == "succeeded"
-    assert len(items(works.sessions, job_id)) == 5  # those of the attempt that succeeded
-
-
-def test_only_what_failed_or_was_cancelled_is_retried(worked: Sessions) -> None:
-    (job_id,) = put(worked, "echo")
-    wait(worked, job_id)
-    with pytest.raises(Conflict, match="is succeeded"), worked.begin() as session:
-        retry(session, job_id)
 
 
 def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
@@ -214,7 +131,7 @@ def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
         assert [process for process in alive if process.status() != psutil.STATUS_ZOMBIE] == []
     (left,) = folders.glob("modalbase-worker-*/*/input.txt")
     gate.open(job_id, 20)
-    with worker(database, job_lease_seconds=2):
+    with worker(database, job_lease_seconds=2, worker_concurrency=2, project_job_limit=1):
         job = wait(sessions, job_id)
         assert (job.state, job.attempt, job.losses) == ("succeeded", 2, 1)
         (result,) = items(sessions, job_id)
@@ -225,9 +142,20 @@ def test_killed_workers_job_goes_on_where_it_was_and_nothing_else_of_it_stays(
         assert result["digest"] == digest.hex()  # the same bits as without the kill
         assert not left.parent.parent.exists()
         assert len(list(folders.glob("modalbase-worker-*/"))) == 1
+        require_limit_kept(sessions)
     with sessions() as session:
         assert session.scalar(select(func.count()).select_from(JobCheckpoint)) == 0
         assert session.scalar(TICKETS) == 0
+
+
+def require_limit_kept(sessions: Sessions) -> None:
+    """A job that the limit of one held back starts when there is room, where two might run."""
+    ended = [wait(sessions, job_id) for job_id in queued(sessions, many=4)["many"]]
+    spans = sorted(
+        (job.started_at, job.finished_at) for job in ended if job.started_at and job.finished_at
+    )
+    assert len(spans) == 4
+    assert all(first[1] <= second[0] for first, second in pairwise(spans))
 
 
 def saved_step(sessions: Sessions, job_id: UUID) -> int | None:
