@@ -313,7 +313,6 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
         "convergence",
     ):
         assert items[name]["available"], name
-        assert failed.figure(name)["data"]
     report = demo.api.get(f"{failed.path}/report").text
     assert "No FRF is predicted, as the damping was not fitted" in report
     assert report.count(FIGURE) == 9

@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -244,29 +245,31 @@ def test_what_nobody_reads_in_time_is_answered_with_its_import(idle: LocalServic
 
 
 def test_who_waits_for_a_file_keeps_nobody_else_waiting(
-    new_service: Callable[..., LocalService],
+    new_api: Callable[..., AbstractContextManager[LocalService]],
 ) -> None:
     """With one slot and one connection, another request is answered while files are waited for. A
     wait counts as a stream of events, of which a key may have half: the import of one more file is
     said at once.
     """
     headers = {"Content-Type": "application/x-npz"}
-    narrow = new_service(worker=False, database_pool=1, event_streams=6, import_wait_seconds=600)
-    with narrow as service, client_of(service, "k") as client, ThreadPoolExecutor(3) as threads:
-        campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
+    with ThreadPoolExecutor(3) as threads, ExitStack() as stack:
+        narrow = new_api(database_pool=1, event_streams=6, import_wait_seconds=600)
+        with narrow as service:
+            client = stack.enter_context(client_of(service, "k"))
+            campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
 
-        def send() -> httpx.Response:
-            return client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers)
+            def send() -> httpx.Response:
+                return client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers)
 
-        waits = [threads.submit(send) for _ in range(3)]
-        until(
-            lambda: len(ok(client.get(f"{campaign}/imports"), 200)["items"]) == 3, "three imports"
-        )
-        assert ok(client.get("projects"), 200)["items"]
-        assert [send().status_code for _ in range(2)] == [202, 202]
-        assert not any(one.done() for one in waits)
-        service.processes["api"].terminate()
-        # whose addresses are said before it ends
+            def sent() -> list[Any]:
+                return list(ok(client.get(f"{campaign}/imports"), 200)["items"])
+
+            waits = [threads.submit(send) for _ in range(3)]
+            until(lambda: len(sent()) == 3, "three imports")
+            assert ok(client.get("projects"), 200)["items"]
+            assert [send().status_code for _ in range(2)] == [202, 202]
+            assert not any(one.done() for one in waits)
+        # their addresses are said before it ends
         assert {one.result().status_code for one in waits} == {202}
 
 

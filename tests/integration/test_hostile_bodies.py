@@ -87,7 +87,7 @@ def frfs(count: int, lines: int) -> bytes:
     ("size", "says"),
     [
         pytest.param((30_000, 100), "at most 10000 are taken at a time", id="count"),
-        pytest.param((1000, 40_000), "unpacks to more than", id="ratio"),
+        pytest.param((1000, 10_000), "unpacks to more than", id="ratio"),
     ],
 )
 def test_an_npz_that_unpacks_to_too_much_is_refused(
