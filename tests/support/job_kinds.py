@@ -14,7 +14,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 import service.platform.queue.worker
-from service.nouns.updates.tables import UpdateJob
 from service.platform.access.tables import AuditEvent
 from service.platform.db.engine import make_engine, make_sessions
 from service.platform.logs import configure_logs
@@ -55,6 +54,8 @@ def store_half(session: Session, job_id: UUID, items: Iterator[Any]) -> None:
 
 def load_seconds(session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
     """A second; of an update that a service was asked for, what its recipe's seed says in ms."""
+    from service.nouns.updates.tables import UpdateJob  # a fifth of a worker's start
+
     asked = session.get(UpdateJob, job_id)
     return {"job": str(job_id), "seconds": asked.recipe["seed"] / 1000 if asked else 1.0}
 
