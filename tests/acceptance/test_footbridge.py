@@ -10,10 +10,12 @@ from collections.abc import Callable
 from types import SimpleNamespace
 
 import httpx
+import numpy as np
 import pytest
 
 import modalbase
 from examples.footbridge import HAMMERS, LOSS, PER_KELVIN, QUESTIONS, campaign_of, main
+from examples.monitoring import State, grid_points
 from modalbase.objects.campaigns import Campaign
 from service.app.supervisor import LocalService
 from tests.support.command import modalbase_here
@@ -53,6 +55,11 @@ def typed(campaign: Campaign) -> SimpleNamespace:
     return SimpleNamespace(wait=lambda: SimpleNamespace(check=lambda: None))
 
 
+def few_lines(_: State, seed: int) -> np.ndarray:
+    """FRFs of three lines, in the place of those of a model."""
+    return np.full((len(grid_points()), 3), 1.0 + seed, complex)
+
+
 @pytest.fixture
 def key(service: LocalService, stringers: int, updated: bool) -> str:
     """The key of a laboratory that has run the script as a user does, on one stringer or both."""
@@ -60,6 +67,8 @@ def key(service: LocalService, stringers: int, updated: bool) -> str:
     with pytest.MonkeyPatch.context() as patch:
         if not updated:
             patch.setattr(Campaign, "update", typed)
+            patch.setattr("examples.footbridge.LINES_HZ", np.arange(1.0, 4.0))
+            patch.setattr("examples.footbridge.measured_frfs", few_lines)
         for name in list(LOSS)[stringers:]:
             patch.delitem(LOSS, name)
         words = ["--url", service.url, "--key", key, "--campaigns", str(CAMPAIGNS)]
