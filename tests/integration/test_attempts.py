@@ -39,6 +39,7 @@ from service.platform.queue.queue import request_cancel, retry
 from service.platform.queue.tables import Job
 from service.platform.settings import Settings
 from tests.support import computations, job_kinds
+from tests.support.lengths import long
 from tests.support.working import Gate, held, items, look, put, wait, worker
 
 NOTHING = "postgresql://nobody@127.0.0.1:1/nothing"
@@ -228,7 +229,8 @@ def begin(sessions: Sessions, *, silent_for: str = "0 s", count: int = 1) -> int
     return worker_id
 
 
-def test_children_of_several_threads_each_end_for_their_own_reason() -> None:
+@pytest.mark.parametrize("count", [24, long(100)])
+def test_children_of_several_threads_each_end_for_their_own_reason(count: int) -> None:
     """The status of a child can be read once, and whoever starts another one asks for it too."""
     preload([computations.__name__], threads=1)
 
@@ -240,7 +242,7 @@ def test_children_of_several_threads_each_end_for_their_own_reason() -> None:
 
     try:
         with ThreadPoolExecutor(4) as threads:
-            ends = set(threads.map(end, range(100)))
+            ends = set(threads.map(end, range(count)))
     finally:
         dismiss_children()
     assert ends == {"the computation crashed with SIGSEGV"}

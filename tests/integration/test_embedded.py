@@ -148,10 +148,14 @@ def interrupt_the_start(over: Event) -> None:
 def test_files_are_made_under_any_path_and_no_folder_of_others_changes_its_mode(
     folder: Path,
 ) -> None:
+    """Half a cluster, of a start that was cut off, is made anew."""
     data = folder / 'Prüf stand $HOME"`' / "data"
     data.parent.mkdir(mode=0o700)
     watched = [folder, data.parent, programs(), *programs().parents, Path.home()]
     before = [path.stat().st_mode for path in watched]
+    data.mkdir(mode=0o700)
+    (data / "postgres.new").mkdir()
+    (data / "postgres.new" / "PG_VERSION").write_text("18\n")
     with embedded_server(data) as url, psycopg.connect(url) as connection:
         assert connection.execute("SHOW data_checksums").fetchone() == ("on",)
     assert [path.stat().st_mode for path in watched] == before
@@ -195,13 +199,6 @@ def test_root_starts_the_folder_of_an_ordinary_user(folder: Path, cluster: Path)
     with embedded_server(folder) as url, psycopg.connect(url) as connection:
         assert connection.execute("SELECT 1").fetchone() == (1,)
     assert (folder / "postgres").stat().st_uid == 65534
-
-
-def test_half_a_cluster_is_made_anew(folder: Path) -> None:
-    (folder / "postgres.new").mkdir()
-    (folder / "postgres.new" / "PG_VERSION").write_text("18\n")
-    with embedded_server(folder) as url, psycopg.connect(url) as connection:
-        assert connection.execute("SELECT 1").fetchone() == (1,)
 
 
 @pytest.mark.parametrize(
