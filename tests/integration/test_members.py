@@ -40,7 +40,7 @@ def document(service: LocalService) -> Node:
     return document
 
 
-IN_SHORT = [name for name, body in MEMBERS.items() if body.short]
+IN_SHORT = [name for name, body in MEMBERS.items() if body.short is not None]
 UPDATES = [f"POST {path}update-jobs" for path in ("/campaigns/{campaign_id}/", "/")]
 
 

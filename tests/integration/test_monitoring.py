@@ -167,8 +167,9 @@ def worker_stopped(service: LocalService) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def lab(service: LocalService, client: httpx.Client) -> Lab:
     """A lab whose monitor has its baseline: days 0 to 3."""
-    lab = Lab(service, client)
+    lab = Lab(service, client, runs_on="hand")
     lab.baseline = [lab.campaign(i) for i in range(4)]
+    lab.monitor = lab.watch()  # after them, so that they are judged together
     lab.judged(lab.baseline)
     return lab
 

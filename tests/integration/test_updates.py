@@ -136,6 +136,7 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
         assert ["inputs", "thickness", "sd", "0.3000", "mm", "0", "mm"] in rows
         alone = browser.get("/ui/compare", params={"job": jobs[0]}).text
         assert f'name="job" value="{jobs[1]}"' in alone
+    assert on_paper(api, f"/api/v1/update-jobs/{jobs[0]}", "FRP-beam")
 
 
 def test_a_change_of_inputs_is_a_version(api: httpx.Client, structure: str) -> None:
@@ -375,25 +376,33 @@ def stored(api: httpx.Client, project: str, test: Campaign) -> dict[str, Any]:
     return {"campaign_id": campaign, "recipe": {"mode_set": mode_set}}
 
 
+@pytest.mark.long
 def test_an_update_from_nine_modes_has_its_report_on_paper(api: httpx.Client, project: str) -> None:
-    """All nine pairs of shapes in one figure are higher than a page."""
+    """All nine pairs of shapes in one figure are higher than a page. In short the report of typed
+    modes above, and pages of figures in `tests/unit/service/test_figures.py`.
+    """
     strip = measured(np.random.default_rng(3), "strip 0", STRIP, 0.0)
     job = stored(api, project, strip)
     begun = api.post(f"campaigns/{job['campaign_id']}/update-jobs", json=job["recipe"])
-    location = api.base_url.join(begun.headers["Location"])
     assert finished(api, begun.headers["Location"])["status"] == "succeeded"
-    assert len(ok(api.get(f"{location}/result"))["modes"]) == 9
-    printed = api.get(f"{location}/report", params={"format": "pdf"})
-    assert (printed.status_code, printed.content[:4]) == (200, b"%PDF"), printed.text
-    assert printed.headers["content-type"] == "application/pdf"
-    assert printed.headers["content-disposition"].startswith('inline; filename="report-strip-0-')
-    assert b"<pdfaid:part>2" in printed.content  # PDF/A
-    first, *more = PdfReader(io.BytesIO(printed.content)).pages
-    assert {"Verdict", "Parameters", "Correlation"} <= set(first.extract_text().split())
+    assert len(result_of(api, begun.headers["Location"])["modes"]) == 9
+    more = on_paper(api, begun.headers["Location"], "strip-0")
     assert 5 <= len(more) < 15
-    words = " ".join(" ".join(page.extract_text() for page in more).split())
+    words = " ".join(" ".join(more).split())
     for numbers in ("1 to 5", "6 to 9"):
         assert f"Mode shapes, measured and updated: modes {numbers}" in words
+
+
+def on_paper(api: httpx.Client, address: str, name: str) -> list[str]:
+    """Texts of the pages of an update's report as PDF but for the first, which has what matters."""
+    printed = api.get(f"{api.base_url.join(address)}/report", params={"format": "pdf"})
+    assert (printed.status_code, printed.content[:4]) == (200, b"%PDF"), printed.text
+    assert printed.headers["content-type"] == "application/pdf"
+    assert printed.headers["content-disposition"].startswith(f'inline; filename="report-{name}-')
+    assert b"<pdfaid:part>2" in printed.content  # PDF/A
+    first, *more = (page.extract_text() for page in PdfReader(io.BytesIO(printed.content)).pages)
+    assert {"Verdict", "Parameters", "Correlation"} <= set(first.split())
+    return more
 
 
 def test_a_joint_update_without_frfs_says_whose_are_missing(

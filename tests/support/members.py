@@ -74,9 +74,9 @@ class Body:
     then: str | None = None
     # names of other ids of the lab, or what the path has in place
     ids: Mapping[str, str] = field(default_factory=dict)
-    # members that a short run tries: others go the same way as one of these, or as in a body of
-    # another type; all where it is empty
-    short: tuple[str, ...] = ()
+    # members that a short run tries, where not all: others go the same way as one of these, or as
+    # in a body of another type
+    short: tuple[str, ...] | None = None
 
 
 @dataclass
@@ -509,7 +509,7 @@ def faults(
         f"{name}: is no member of the operation, or has no row in tests/support/member_rows_of_*.py"
         for name in (members.keys() ^ asked.members.keys()) - by_itself
     ]
-    if asked.short and not whole:
+    if asked.short is not None and not whole:
         members = {name: one for name, one in members.items() if name in asked.short}
         asked = replace(asked, members={name: asked.members[name] for name in members})
     trial = Trial(lab, operation, kind, asked, whole=whole)
