@@ -25,10 +25,10 @@ CORPUS: dict[str, Case] = {
 
 IN_LONG = {
     *("another clamped beam", "a mistyped mode"),  # in short: stated as free, another free beam
-    *("a sure prior", "in g", "modes without damping", "one mode, two coefficients"),
-    # in short: above its prior; turned and not calibrated; modes handed in; one mode, heights wrong
+    *("a sure prior", "in g", "one mode, two coefficients"),
+    # in short: above its prior; turned and not calibrated; one mode, heights wrong
     *("a start of negative damping", "a negative variance"),  # in short: a singular start
-    *("gaps", "conjugates"),  # in short: six faults; bridge, conjugated
+    "conjugates",  # in short: bridge, conjugated
     *("open aeroplane", "a quadratic spring", "records that drift"),
     # in short: open plate, a mode at the sum of two, drift of the records
 }

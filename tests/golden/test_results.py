@@ -362,7 +362,7 @@ FROM_MODES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 """Instruments and recipes for the paper's beam without FRFs, some of which fail."""
 
 
-@pytest.mark.parametrize("name", ["no-frfs", *map(long, ("no-mode-in-band", "added-mass"))])
+@pytest.mark.parametrize("name", ["no-frfs", long("no-mode-in-band"), "added-mass"])
 def test_updates_without_frfs(api: httpx.Client, name: str) -> None:
     """Modes alone: what fails says so, and what can be found is."""
     instruments, recipe = FROM_MODES[name]

@@ -392,9 +392,9 @@ def test_force_and_response_that_are_swapped_are_named() -> None:
         ("hard tip", "clamped", 7),
         long("offset", "free", 2),
         long("drift", "free", 2),
-        long("hum, short pretrigger", "plate", 2),
+        ("hum, short pretrigger", "plate", 2),
         long("hits soon after one another", "clamped", 2),
-        ("half-band filter", "clamped", 2),
+        long("half-band filter", "clamped", 2),
         long("soft tip, short pretrigger", "plate", 3),
     ],
 )

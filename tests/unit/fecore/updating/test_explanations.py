@@ -21,6 +21,7 @@ from fecore.updating.layout import Layout
 from fecore.updating.parameters import parametrise
 from fecore.updating.suspects import SupportEffect
 from tests.support import soft_supports
+from tests.support.lengths import long
 
 MATERIAL = OrthotropicMaterial(
     Ex=30e9, Ey=10e9, Gxy=4e9, Gxz=4e9, Gyz=3e9, nu_xy=0.25, density=1900.0
@@ -146,14 +147,11 @@ def test_one_of_two_supports_gives_way_as_a_hinge_with_a_spring() -> None:
     )
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
-    ("kind", "name"), [("root", "support of the body"), ("foot", "foot under the body")]
+    ("kind", "name"), [("root", "support of the body"), long("foot", "foot under the body")]
 )
 def test_a_soft_support_of_solids_is_named_with_its_stiffness(kind: str, name: str) -> None:
-    """Without it Ex is a fifth off, and a mass would be blamed; in short supports are screened as
-    altered bodies have them.
-    """
+    """Without it Ex is a fifth off, and a mass would be blamed."""
     modes, points = soft_supports.measured(kind)
     body = soft_supports.stated(kind)
     prior = parametrise(body, DEFAULT_PARAMETERS).with_inputs(

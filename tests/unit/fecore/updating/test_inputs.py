@@ -169,7 +169,7 @@ def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(
     assert frfs is not None
     late = replace(frfs, values=frfs.values * np.exp(-1j * frfs.omega * delay))
     clean = update(replace(identified, inputs=inputs), COARSE, RAYLEIGH)
-    result = update(replace(identified, frfs=late, inputs=inputs), COARSE, RAYLEIGH)
+    result = update(replace(drawn.measurement, frfs=late, inputs=inputs), COARSE, RAYLEIGH)
     assert result.channel_delay_s == pytest.approx(delay, abs=1e-6)
     for one, other in zip(result.parameters[-2:], clean.parameters[-2:], strict=True):
         assert one.estimate == pytest.approx(other.estimate, rel=0.005), one.name

@@ -1,6 +1,8 @@
 """The whole job on FRFs of the core's own, and on the independent sets where they are."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import ReferenceFit, fit_reference
 from fecore.updating.measurement import DEFAULT_LAWS, HoldOut, Measurement, Recipe
-from fecore.updating.pipeline import update
+from fecore.updating.pipeline import _Damping, update
 from fecore.updating.result import UpdateResult
 from fecore.updating.sampling import run_chain
 from tests.support.draws import BEAM, Drawn, beam
@@ -162,6 +164,15 @@ def test_damping_of_fewer_modes_takes_the_place_of_a_fit_that_does_not_converge(
         drawn.true["a0"], abs=4 * other["a0"].standard_deviation
     )
     assert other["a1"].standard_deviation > one["a1"].standard_deviation  # fewer modes say less
+
+
+def test_a_band_is_narrower_by_a_mode_while_two_are_left() -> None:
+    hz = np.array([100.0, 400.0, 900.0])
+    for count, bands in ((3, [(2.0, 600.0), (200.0, 1000.0)]), (2, [])):
+        pairing = SimpleNamespace(pairs=tuple((n, n) for n in range(count)))
+        elastic = SimpleNamespace(pairing=pairing, updated=SimpleNamespace(frequency_hz=hz))
+        stage = cast(_Damping, SimpleNamespace(elastic=elastic))
+        assert list(_Damping._narrower(stage, (2.0, 1000.0))) == bands
 
 
 def test_damping_ratios_take_the_place_of_frfs_that_no_fit_converges_on(

@@ -17,7 +17,7 @@ from fecore.correlation import Pairing
 from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import Unsettled, fit_elastic
-from fecore.updating.elastic_findings import elastic_findings
+from fecore.updating.elastic_findings import pairing_findings
 from fecore.updating.elastic_result import REFUTED, ElasticResult
 from fecore.updating.elastic_starts import (
     _behind,
@@ -217,7 +217,7 @@ def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_
     assert len(swings.history) < 50  # it ends where it has come round once; 30 turns have 77
     result = update_from_several_starts(layout)
     assert result.oscillating_modes == swings.oscillating_modes
-    (said,) = [e.text for e in elastic_findings(result, measured) if e.kind == "partners_swing"]
+    (said,) = [e.text for e in pairing_findings(result) if e.kind == "partners_swing"]
     assert said.startswith("the partner of measured mode 3 (")
     assert result.fixed_pairing is not None
     assert result.pairing.mac is not None
@@ -229,6 +229,7 @@ def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_
     np.testing.assert_allclose(result.theta[[0, 2]], truth[[0, 2]], rtol=2e-3)
     # At equal evidence both stand, and the intervals span them.
     even = replace(result, rivals=(replace(result.rivals[0], evidence=0.0),))
+    assert "rival_pairing" in {each.kind for each in pairing_findings(even)}
     assert even.model_averaged_posterior.total[2, 2] > result.model_averaged_posterior.total[2, 2]
 
 

@@ -27,6 +27,7 @@ from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from tests.support.fits import COARSE, at_prior, forward_model
+from tests.support.lengths import long
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 WALLS = {name: ShellSection((Ply(GFRP, 0.006),)) for name in ("flange", "web")}
@@ -134,11 +135,10 @@ def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
     assert stated.common == ()
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("count", [2, long(4)])
 def test_a_set_that_has_lost_stiffness_is_found_among_others(count: int) -> None:
     """The web in sets along the beam, the last but one at 80 %: factors of all sets, most of which
-    are 1. In short factors of sets come back in `test_shape_error.py`.
+    are 1.
     """
     sets = {f"web_{k + 1}": WALLS["web"] for k in range(count)}
     weak = f"web_{count - 1}.factor"
