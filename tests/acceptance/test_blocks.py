@@ -1,6 +1,9 @@
 """Every block of the documents runs as it stands: Python, the shell, JSON against the service's
 schemas.
 
+In the short run they are compiled, and their commands and options are there: tests of the library
+and of the commands run what they call.
+
 All pages share one service. The page of the command line goes first, as its commands make the
 project, structure and campaign that the others name. A block marked `text` is one that nothing can
 run here: a drawing, a table of requests, a command that installs, never ends, or needs a server of
@@ -19,6 +22,7 @@ from string import Template
 from typing import Any
 from uuid import uuid4
 
+import httpx
 import numpy as np
 import pytest
 from scipy.io import wavfile
@@ -35,7 +39,6 @@ from service.nouns.updates.schemas import RecipeIn
 from service.pages.example.paper import uff_file
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
-from tests.support.lengths import long
 from tests.support.places import ROOT
 from tests.support.rest import client_of, ok
 from tests.unit.fecore.signal.test_recording import RATE, recording
@@ -151,31 +154,16 @@ def test_every_block_says_what_it_is_and_few_are_not_run() -> None:
         compile(block.text, str(block), "exec")
 
 
-SHORT = {"docs/coupons.md", "docs/jobs.md", "docs/library.md", "docs/modes.md", "docs/uff.md"}
-"""Pages of the short run, with that of the command line. Blocks of the others are compiled there;
-tests of the library, the commands and the core run what they call.
-"""
-
-
-def of_length(page: str, value: Any) -> Any:
-    return value if page in SHORT else long(value)
-
-
-@pytest.mark.parametrize(
-    "block",
-    [of_length(block.page, block) for block in of("sh") if block.page != FIRST],
-    ids=str,
-)
+@pytest.mark.long
+@pytest.mark.parametrize("block", [block for block in of("sh") if block.page != FIRST], ids=str)
 def test_commands_run(block: Block, reader: Reader) -> None:
     if "curl" in block.text and shutil.which("curl") is None:
         pytest.skip("curl is not installed")
     reader.run(block)
 
 
-@pytest.mark.parametrize(
-    "page",
-    [of_length(page, page) for page in sorted({block.page for block in of("python")})],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("page", sorted({block.page for block in of("python")}))
 def test_python_runs(page: str, reader: Reader, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in reader.variables.items():
         monkeypatch.setenv(name, value)
@@ -277,7 +265,7 @@ LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {
 }
 
 
-def test_json_is_what_the_service_takes(reader: Reader) -> None:
+def test_json_is_what_the_service_takes(api: httpx.Client) -> None:
     """Recipes and coupons by their schemas; what names things is sent, and only the things are
     missing.
     """
@@ -312,7 +300,7 @@ def test_json_is_what_the_service_takes(reader: Reader) -> None:
     (about,) = shown.pop("docs/command-line.md")
     for one in about.pop("specimens").values():
         CurveCouponIn.model_validate({"specimen": "A3", **about, **one})
-    refused = reader.api.post("update-jobs", json=shown.pop("docs/campaigns-together.md")[0])
+    refused = api.post("update-jobs", json=shown.pop("docs/campaigns-together.md")[0])
     assert refused.status_code in (404, 422)
     assert {error["pointer"] for error in refused.json().get("errors", [])} <= {
         "/jobs/0/campaign_id",
@@ -329,17 +317,19 @@ def test_units_of_systemd_are_read() -> None:
 
 
 def test_a_reader_of_the_guide_finds_every_command_that_exists() -> None:
-    """Blocks that nothing runs name commands and options that are there."""
+    """Blocks name commands and options that are there."""
     from typer.main import get_command
 
     from service.app.cli.command import app
 
-    commands: dict[str, Any] = get_command(app).commands
-    for block in BLOCKS:
-        if block.language == "text":
-            for line in re.findall(r"(?:^|/)modalbase +(.+?)(?: *#.*)?$", block.text, re.MULTILINE):
-                words = line.split()
-                options = {name for option in commands[words[0]].params for name in option.opts}
-                assert {word for word in words if word.startswith("--")} <= options, (
-                    f"{block}: {line}"
-                )
+    root = get_command(app)
+    for block in of("text", "sh"):
+        text = block.text.replace("\\\n", " ")
+        for line in re.findall(r"(?:^|/)modalbase +(.+?)(?: *[#|].*)?$", text, re.MULTILINE):
+            words, command = line.split(), root
+            while words and words[0] in getattr(command, "commands", {}):
+                command = command.commands[words.pop(0)]  # type: ignore[attr-defined]
+            options = {name for option in command.params for name in option.opts}
+            assert command is not root, f"{block}: {line}"
+            used = {word.split("=")[0] for word in words if word.startswith("--")}
+            assert used <= options | {"--help", "--version"}, f"{block}: {line}"
