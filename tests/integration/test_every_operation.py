@@ -69,6 +69,7 @@ def test_each_route_asks_for_the_scope_that_it_is_judged_to() -> None:
                 require_scope(ApiKey(scopes=[]), {"route": route, "method": method})
 
 
+@pytest.mark.filterwarnings("ignore:Glyph")  # which a print lacks; it is drawn as a box
 @pytest.mark.parametrize(("times", "among"), [(1, 4), long(10, 1)])
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
     idle: LocalService, times: int, among: int

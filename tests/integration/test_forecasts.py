@@ -86,17 +86,10 @@ def test_a_deck_is_solved_with_its_own_supports_and_numbers(
 ) -> None:
     structure = ok(api.post(f"projects/{project}/structures", json={"name": "bracket"}), 201)["id"]
     assert sent(api, structure, deck(), units="m-N-kg")["status"] == "succeeded"
-    free, held = (
-        forecast(api, structure, modes=5),
-        forecast(api, structure, modes=5, boundary="as_modelled"),
-    )
-    assert (free["found"]["rigid_modes"], held["found"]["rigid_modes"]) == (6, 0)
-    assert (
-        held["found"]["model_modes"][0]["frequency_hz"]
-        < free["found"]["model_modes"][0]["frequency_hz"]
-    )
-    assert {point["direction"] for point in free["found"]["points"]} <= {2, 3}
-    assert "no FRFs" in ok(api.get(f"forecasts/{free['id']}/frfs/data"), 409)["detail"]
+    held = forecast(api, structure, modes=5, boundary="as_modelled")
+    assert held["found"]["rigid_modes"] == 0
+    assert {point["direction"] for point in held["found"]["points"]} <= {2, 3}
+    assert "no FRFs" in ok(api.get(f"forecasts/{held['id']}/frfs/data"), 409)["detail"]
     address = f"forecasts/{held['id']}/mesh"
     mesh, nodes = (
         ok(api.get(address), 200),
