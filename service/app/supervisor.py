@@ -399,7 +399,9 @@ def listening_socket(host: str, port: int) -> socket.socket:
         family, _, _, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
-        return socket.create_server((str(address[0]), port), family=family, backlog=2048)
+        made = socket.create_server((str(address[0]), port), family=family, backlog=2048)
+        # With its protocol, which asyncio asks of a connection before it sends small parts at once.
+        return socket.socket(fileno=made.detach())
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
         raise StartError(

@@ -16,7 +16,7 @@ from fastapi import FastAPI
 from sqlalchemy import make_url
 
 from service.app.application import create_app
-from service.app.supervisor import LocalService
+from service.app.supervisor import LocalService, listening_socket
 from service.platform.access.keys import create_key, user_named
 from service.platform.settings import Settings
 from service.platform.web.openapi import undescribed
@@ -237,6 +237,12 @@ def test_a_service_answers_to_its_names_alone_where_they_are_listed(
         is_problem(answer, 401)
     else:
         assert "MODALBASE_ALLOWED_HOSTS" in str(is_problem(answer, 421)["detail"])
+
+
+def test_small_parts_of_an_answer_go_out_at_once() -> None:
+    """Asyncio asks that of a connection that has its protocol; without, each answer took 40 ms more."""
+    with listening_socket("127.0.0.1", 0) as listener:
+        assert listener.proto == socket.IPPROTO_TCP
 
 
 def test_body_over_the_limit_is_413(small: LocalService) -> None:

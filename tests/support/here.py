@@ -3,7 +3,6 @@ begins in a tenth of the time that a process takes. It has no worker and takes n
 """
 
 import logging
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Thread
@@ -12,7 +11,7 @@ import structlog
 from uvicorn import Config, Server
 
 from service.app.application import create_app
-from service.app.supervisor import LocalService
+from service.app.supervisor import LocalService, listening_socket
 from service.platform.settings import Settings
 from service.platform.web.middleware import PatientProtocol
 
@@ -25,7 +24,7 @@ def served_here(settings: Settings) -> Iterator[LocalService]:
     server = Server(
         Config(api, http=PatientProtocol, log_config=None, access_log=False, server_header=False)
     )
-    with socket.create_server(("127.0.0.1", 0), backlog=2048) as listener:
+    with listening_socket("127.0.0.1", 0) as listener:
         service = LocalService(settings, worker=False)
         service.url = f"http://127.0.0.1:{listener.getsockname()[1]}"
         thread = Thread(target=server.run, kwargs={"sockets": [listener]})
