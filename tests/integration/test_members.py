@@ -18,6 +18,7 @@ from tests.support.member_lab import furnished
 from tests.support.member_rows import MEMBERS
 from tests.support.member_rows_within import WITHOUT_ROW
 from tests.support.members import JSON, Lab, Node, faults, walk, within
+from tests.support.receivers import receiver
 from tests.support.rest import client_of
 
 
@@ -27,10 +28,14 @@ def lab(service: LocalService) -> Iterator[Lab]:
         make_engine(service.settings.database_url),
         (f"member {uuid4()}" for _ in range(2)),
     )
-    with client_of(service, name) as api, client_of(service, member) as chief:
+    clients = client_of(service, name), client_of(service, member)
+    with clients[0] as api, clients[1] as chief, receiver() as hook:
         with make_sessions(engine).begin() as session:
             user_named(session, member).administrator = True
-        yield furnished(api, name, chief, member, make_sessions(engine))
+        lab = furnished(api, name, chief, member, make_sessions(engine), hook.url)
+        yield lab
+        # so that its monitors and messages give nobody who comes after it any work
+        api.delete(f"projects/{lab.ids['project_id']}").raise_for_status()
     engine.dispose()
 
 

@@ -37,7 +37,6 @@ def attachments_of(noun: str) -> str:
     return f"{noun.replace('_', '-')}s/{{{key}}}/attachments"
 
 
-HOOK = "http://127.0.0.1:9/hook"  # nothing listens there
 MESH = (
     "SOL 103\nCEND\nBEGIN"
     " BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,.2,0.\nGRID,4,,0.,.2,0.\n"
@@ -344,6 +343,7 @@ class Furnishing:
         self.cancel()
         watch = {
             "recipe": RECIPE,
+            "modes": "given",  # so that a run identifies nothing
             "parameters": [{"name": "Ex"}, {"name": "a0"}],
             "baseline": {"campaigns": 4},
             "runs_on": "hand",
@@ -353,7 +353,7 @@ class Furnishing:
 
     def of_projects(self) -> None:
         for name in ("webhook_id", "second_webhook_id"):
-            self.make(name, "webhooks", {"project": "{project_id}", "url": HOOK})
+            self.make(name, "webhooks", {"project": "{project_id}", "url": "{hook}"})
             self.made("webhooks/{webhook_id}/test")
         for name in ("search_id", "second_search_id"):
             self.make(name, "searches", {"project": "{project_id}", "name": name, "noun": "frfs"})
@@ -472,7 +472,7 @@ class Furnishing:
 
 
 def furnished(
-    api: httpx.Client, name: str, chief: httpx.Client, member: str, sessions: Sessions
+    api: httpx.Client, name: str, chief: httpx.Client, member: str, sessions: Sessions, hook: str
 ) -> Lab:
     """The laboratory.
 
@@ -482,10 +482,11 @@ def furnished(
         member: name of another.
         chief: of an administrator.
         sessions: on the service's database, for alarms, which take many campaigns.
+        hook: the address of a receiver; one that does not answer is asked again and again.
     """
     made = Furnishing(api, chief, sessions)
     (user,) = ok(chief.get("users", params={"name": name}))["items"]
-    made.lab.ids |= {"user_id": user["id"], "member": member}
+    made.lab.ids |= {"user_id": user["id"], "member": member, "hook": hook}
     for step in (
         made.structures,
         made.of_responses,

@@ -4,7 +4,6 @@ from typing import Any
 
 from service.nouns.search.nouns import SEARCHED
 from tests.support.member_lab import (
-    HOOK,
     JOINT_RECIPE,
     RECIPE,
 )
@@ -303,10 +302,10 @@ RESULTS: dict[str, Body] = {
     "POST /webhooks": Body(
         {
             "project": To("{second_project_id}", "project_id"),
-            "url": f"{HOOK}?other",
+            "url": "{hook}?other",
             "events": ["alarm.raised"],
         },
-        {"project": "{project_id}", "url": HOOK},
+        {"project": "{project_id}", "url": "{hook}"},
     ),
     "GET /webhooks": Body({"project": "{second_project_id}"}),
     "GET /webhooks/{webhook_id}/deliveries": Body(),
