@@ -317,7 +317,10 @@ def a_second_specimen_takes_its_material(seen: Watched, file: Path) -> None:
     assert seen.fields <= MOST_FIELDS_OF_KNOWN
 
 
-def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalService) -> None:
+@pytest.mark.parametrize("keys", [False, long(True)])
+def test_who_has_no_mouse_gets_everywhere(
+    running: Browser, service: LocalService, keys: bool
+) -> None:
     """Mistakes are said where they were made; the order of the tab key is that of the page; dialogs
     ask before they act.
     """
@@ -367,6 +370,8 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
             answered(page, yes=True)
         assert "/ui/campaigns/" in page.url
         seen.complaints.clear()  # the console names each 422
+        if not keys:
+            return
         page.goto("/ui/keys")
         page.fill("[name=name]", "spare")
         page.press("[name=name]", "Enter")

@@ -221,21 +221,27 @@ def test_an_export_goes_through_a_pipe_and_leaves_it_there(
     assert pipe.is_fifo()
 
 
-def test_a_full_disk_is_one_line(campaign: str, service: LocalService, api: httpx.Client) -> None:
+@pytest.mark.parametrize(
+    "words",
+    [
+        "export CAMPAIGN --what grid-points --format csv --out -",
+        long("campaigns --json"),
+    ],
+)
+def test_a_full_disk_is_one_line(
+    campaign: str, service: LocalService, api: httpx.Client, words: str
+) -> None:
     environment = {
         "MODALBASE_URL": service.url,
         "MODALBASE_API_KEY": api.headers["authorization"].split()[1],
     }
-    for command in (
-        ["campaigns", "--json"],
-        ["export", campaign, "--what", "grid-points", "--format", "csv", "--out", "-"],
-    ):
-        with Path("/dev/full").open("w") as full:
-            done = subprocess.run(
-                [sys.executable, "-m", "service", *command],
-                env=os.environ | environment, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE, check=False,
-            )  # fmt: skip
-        assert (done.returncode, done.stderr) == (USAGE, "modalbase: cannot write: no space left\n")
+    command = words.replace("CAMPAIGN", campaign).split()
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "service", *command],
+            env=os.environ | environment, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE, check=False,
+        )  # fmt: skip
+    assert (done.returncode, done.stderr) == (USAGE, "modalbase: cannot write: no space left\n")
 
 
 def test_modes_and_grid_points_are_exported(

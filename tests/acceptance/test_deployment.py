@@ -354,11 +354,12 @@ def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -
 def test_the_demonstration_shows_what_it_found(
     service: LocalService, demo: Done, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Over a service that runs already, and the update that was made there."""
+    """Over a service that runs already, and the update that was made there; without a report."""
     key = demo.api.headers["Authorization"].split()[1]
     running = SimpleNamespace(url=service.url, new_key=lambda _: key)
     monkeypatch.setattr("service.app.demo.run.LocalService", lambda *_, **__: nullcontext(running))
     monkeypatch.setattr(Laboratory, "update_beam", lambda _: demo.result)
+    monkeypatch.setattr("service.app.demo.run._report", lambda *_: "report.pdf")
     assert_the_papers_values(modalbase_here("demo", "--json"))
 
 

@@ -12,7 +12,6 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow
 from tests.support.browser import Watched, answered, hindrances, signed_in, watched_page
-from tests.support.lengths import long
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -41,20 +40,16 @@ BARE = """() => [...document.querySelectorAll(
     .filter(one => getComputedStyle(one).appearance !== "none").map(one => one.outerHTML)"""
 
 
-PARTS = ("controls", "work", "said")
-
-
-@pytest.mark.parametrize(
-    ("width", "dark", "parts"),
-    [(390, True, PARTS[:1]), long(390, True, PARTS[1:]), long(1400, False, PARTS)],
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("width", "dark"), [(1400, False), (390, True)])
 def test_each_part_has_its_size_its_place_and_its_contrast(
-    running: Browser, service: LocalService, width: int, dark: bool, parts: tuple[str, ...]
+    running: Browser, service: LocalService, width: int, dark: bool
 ) -> None:
+    """In short the controls are looked at below."""
     key = service.new_key("kit")
     with watched_page(running, service.url, width=width, height=900, dark=dark) as seen:
         page = signed_in(seen, key, "/ui/kit")
-        for part in parts:
+        for part in ("controls", "work", "said"):
             page.click(f".tabs [href='#{part}']")
             for pane in page.locator(".phone button:visible").all() if part == "work" else [None]:
                 if pane is not None:
@@ -73,6 +68,8 @@ def chosen(page: Page) -> list[str]:
 
 def test_parts_do_what_they_show(seen: Watched) -> None:
     page = seen.goto("/ui/kit")
+    for found in (page.evaluate(SMALL), page.evaluate(COVERED), hindrances(page)):
+        assert found == []
     page.click(".tabs [href='#work']")
     page.locator("[aria-label=many] tbody tr").first.wait_for()
     assert {row["height"] for row in boxes(page, "[aria-label=many] tbody tr")} == {28}
