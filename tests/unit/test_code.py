@@ -68,7 +68,7 @@ CLOCKS = (
     "waiting.py",  # looks again and again
     "computations.py",  # a job that is held
     "receivers.py",  # a signature must be fresh
-    "bombs.py",  # benchmarks print what the health check took
+    "watching.py",  # benchmarks print what the health check took
     "heavy_load.py",  # they print what answers took
     "kills.py",  # kills come at random moments
 )
