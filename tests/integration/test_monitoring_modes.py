@@ -99,6 +99,7 @@ def test_a_change_of_one_percent_raises_one_alarm_that_the_page_explains(
         baseline={"campaigns": BASELINE - 20},
         covariates=[*COVARIATES],
         horizon=40,
+        runs_on="hand",
     )
     ok(client.post(f"monitors/{monitor}/runs", json={}), 202)
     series = judged(client, monitor, len(runs))
@@ -280,7 +281,11 @@ def test_five_modes_of_a_tower_are_watched(client: httpx.Client) -> None:
     structure = new_structure(client, "tower")
     type_in(client, structure, runs)
     monitor = watch(
-        client, structure, baseline={"campaigns": 40}, covariates=["temperature_1_c", "wind_m_s"]
+        client,
+        structure,
+        baseline={"campaigns": 40},
+        covariates=["temperature_1_c", "wind_m_s"],
+        runs_on="hand",
     )
     ok(client.post(f"monitors/{monitor}/runs", json={}), 202)
     series = judged(client, monitor, len(runs))
