@@ -292,6 +292,7 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
         "mode_set": provenance["mode_set"],
         "damping_models": ["rayleigh"],
         "band_hz": [2, 60],
+        "parameters": [{"name": "Ex"}, {"name": "Gxy"}],
     }
     answer = demo.api.post(f"campaigns/{provenance['campaign']}/update-jobs", json=recipe)
     assert finished(demo.api, answer.headers["Location"])["status"] == "succeeded"

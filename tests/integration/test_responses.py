@@ -17,6 +17,7 @@ from tests.support.places import shared_file
 from tests.support.rest import RAW, finished, ok, posted
 from tests.support.tables import parquet_rows
 
+FEW = {"parameters": [{"name": "Ex"}, {"name": "Gxy"}], "damping_models": ["rayleigh"], "seed": 1}
 Sent = Callable[..., dict[str, Any]]
 
 
@@ -204,7 +205,7 @@ def test_a_recording_becomes_modes_and_an_update(
     assert "Identify modes" in page
 
     # an update takes frequencies, shapes and damping ratios, and says that no FRF was fitted
-    started = api.post(f"campaigns/{campaign}/update-jobs", json={"seed": 1})
+    started = api.post(f"campaigns/{campaign}/update-jobs", json=FEW)
     updated = finished(api, started.headers["Location"])
     assert updated["status"] == "succeeded", updated
     result = ok(api.get(f"update-jobs/{updated['id']}/result"))

@@ -121,6 +121,7 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
     assert "temperature_c" not in first["test"]
     ok(api.patch(address, json={"temperature_c": 30}, headers={"If-Match": "*"}))
     recipe = {"mode_set": mode_set, "inputs": {"thickness_sd_m": 0, "window_rate_per_s": 0}}
+    recipe |= {"parameters": [{"name": "Ex"}]}
     result = updated(api, campaign["id"], recipe)
     assert "thickness" not in budget_of(result, "Ex")
     estimates = {row["name"]: row["estimate"] for row in result["parameters"]}
