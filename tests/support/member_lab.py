@@ -303,8 +303,8 @@ class Furnishing:
             self.make(name, "projects/{project_id}/instruments", {"kind": "sensor", "serial": name})
 
     def updates(self) -> None:
-        """Of the first campaign's FRFs, of the last one's typed modes, and of both; the others have
-        results that are like the first.
+        """Of the first campaign's FRFs, and of its typed modes and the last one's together; the others
+        have results that are like the first.
         """
         self.make("job_id", "campaigns/{campaign_id}/update-jobs", RECIPE)
         typed = {**OF_GIVEN_MODES, "mode_set": "{later_set_id}"}
@@ -326,8 +326,7 @@ class Furnishing:
                 "later_set_id", "campaigns/{later_id}/mode-sets", {"name": "typed", "modes": modes}
             )
             self.make("later_job_id", "campaigns/{later_id}/update-jobs", typed)
-            if month < 5:
-                self.copied(month)
+            self.copied(month)
         both = (("campaign_id", "mode_set_id"), ("later_id", "later_set_id"))
         joint = {
             "recipe": {"parameters": [{"name": "Ex"}]},

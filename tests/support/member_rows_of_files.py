@@ -123,7 +123,7 @@ FILES: dict[str, Body] = {
         {"quantity": "mobility"},
         fresh=CAMPAIGN,
         then="",
-        short=("file", "body.mapping"),
+        short=("body.mapping",),
     ),
     "POST /campaigns/{campaign_id}/imports application/octet-stream": Body(
         _imports(HITS_CSV),
@@ -131,6 +131,7 @@ FILES: dict[str, Body] = {
         {"quantity": "mobility", "filename": "f.csv"},
         fresh=CAMPAIGN,
         then="",
+        short=("kind", "mapping"),
     ),
     "GET /campaigns/{campaign_id}/imports": Body(ids={"campaign_id": "small_id"}),
     "GET /structures/{structure_id}/imports": Body({"sha256": 64 * "0", "deleted": True}),
@@ -140,7 +141,7 @@ FILES: dict[str, Body] = {
         {"quantity": "mobility", "filename": "f.csv", "campaign": _DATED},
         fresh=STRUCTURE,
         then="",
-        short=("campaign", "kind", "complete", "confirm"),
+        short=("campaign", "confirm"),
     ),
     "POST /structures/{structure_id}/imports multipart/form-data": Body(
         {
@@ -156,7 +157,7 @@ FILES: dict[str, Body] = {
         {"quantity": "mobility", "campaign": _DATED},
         fresh=STRUCTURE,
         then="",
-        short=("file", "body.campaign", "body.mapping"),
+        short=("body.campaign",),
     ),
     "GET /campaigns/{campaign_id}/grid-points": Body(
         {"limit": Refused(1, {"?format": "csv"}), "cursor": Refused("1", {"?format": "csv"})}
@@ -178,6 +179,7 @@ FILES: dict[str, Body] = {
             )
         },
         {},
+        short=("pairs",),
     ),
     "POST /campaigns/{campaign_id}/records": Body(
         {
@@ -215,6 +217,7 @@ FILES: dict[str, Body] = {
         HITS_NPZ,
         {"filename": "h.npz", "mapping": _MAPPING},
         fresh=CAMPAIGN,
+        short=("mapping",),
     ),
     "GET /campaigns/{campaign_id}/records": Body(
         {"point": 9, "hit": 2}, ids={"campaign_id": "hits_id"}
@@ -238,6 +241,7 @@ FILES: dict[str, Body] = {
         FRFS_NPZ,
         {"quantity": "accelerance"},
         fresh=CAMPAIGN,
+        short=("quantity",),
     ),
     "POST /campaigns/{campaign_id}/frfs text/csv": Body(
         {"quantity": "mobility", "mapping": To(json.dumps(OF_CSV), "response_point")},
@@ -289,6 +293,7 @@ FILES: dict[str, Body] = {
         {"tags": ["u"]},
         ids={"campaign_id": "small_id"},
         then="campaigns/{small_id}/frfs",
+        short=("quantity", "superseded", "tags", "meta"),
     ),
     "GET /campaigns/{campaign_id}/frfs/data": Body(
         {
@@ -336,7 +341,7 @@ FILES: dict[str, Body] = {
         {},
         ids={"campaign_id": "hits_id"},
         then="campaigns/{hits_id}/frfs",
-        short=("estimator", "overrules", "references"),
+        short=("overrules", "references"),
     ),
     "GET /campaigns/{campaign_id}/processings": Body(ids={"campaign_id": "hits_id"}),
     "POST /campaigns/{campaign_id}/mode-sets": Body(
@@ -369,7 +374,7 @@ FILES: dict[str, Body] = {
         },
         {"band_hz": [5, 500], "highest_order": 10},
         then="campaigns/{campaign_id}/mode-sets?limit=1",
-        short=("band_hz", "threshold", "name", "poles", "poles.frequency_hz", "poles.reason"),
+        short=("threshold", "poles", "poles.reason"),
     ),
     "GET /campaigns/{campaign_id}/identifications": Body(),
     "POST /structures/{structure_id}/coupon-batches": Body(
@@ -422,6 +427,7 @@ FILES: dict[str, Body] = {
             ),
         },
         {"file": ["curve.csv", CURVE], "coupon": COUPON},
+        short=("coupon",),
     ),
     "GET /coupon-batches/{batch_id}/coupons": Body(),
     "PATCH /coupons/{coupon_id}": Body(
@@ -449,7 +455,7 @@ FILES: dict[str, Body] = {
         },
         {"modes": 3, "damping_ratio": 0.01, "line_spacing_hz": 5},
         then="forecasts/{id}/frfs/data",
-        short=("modes", "points", "points_to_measure", "damping_ratio"),
+        short=("modes", "points_to_measure"),
     ),
     "GET /structures/{structure_id}/forecasts": Body(),
     "POST /campaigns/{campaign_id}/update-jobs": Body(

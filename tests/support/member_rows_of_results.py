@@ -107,7 +107,7 @@ RESULTS: dict[str, Body] = {
             "about": To("Gxy", "information_nats"),
         },
         {"tests": [{"boundary": "free", "highest_hz": 300}]},
-        short=("tests", "made", "coupons", "coupons.sets", "about"),
+        short=("made", "coupons.sets"),
     ),
     **{
         f"GET /search/{noun}": Body(
@@ -252,6 +252,7 @@ RESULTS: dict[str, Body] = {
         },
         {"name": "m {n}"},
         ids={"structure_id": "second_structure_id"},
+        short=("recipe", "mail_to", "schedule", "unless_named", "confirm", "chart.weight"),
     ),
     "GET /structures/{structure_id}/monitors": Body(),
     "GET /monitors": Body({"state": "alarm"}),

@@ -138,7 +138,9 @@ def _attachments(noun: str) -> dict[str, Body]:
         f"GET {path}": Body(),
         f"POST {path} application/octet-stream": Body(_ATTACHED, b"notes"),
         f"POST {path} multipart/form-data": Body(
-            {**_ATTACHED, **form}, {"file": ["a.txt", b"notes"]}
+            {**_ATTACHED, **form},
+            {"file": ["a.txt", b"notes"]},
+            short=("file", "body.caption"),
         ),
     }
 
@@ -226,7 +228,7 @@ THINGS: dict[str, Body] = {
         {"units": "mm-N-t", "filename": "m.msh", "sections": _OF_SETS, "accept": "clamp"},
         ids={"structure_id": "sent_id"},
         then="",
-        short=("filename", "accept", "confirm"),
+        short=("accept", "confirm"),
     ),
     "GET /structures/{structure_id}/models": Body(ids={"structure_id": "bare_id"}),
     "GET /structures/{structure_id}/model/mesh": Body({"boundary": "cantilever"}),
