@@ -103,9 +103,10 @@ def test_a_batch_that_is_off_unseen_does_not_rule_alone() -> None:
         assert sd[place] < 0.025, name
 
 
+@pytest.mark.long
 def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> None:
     """18 mm of 250 mm, 36 standard deviations: what the specimens' thickness, density and scatter
-    leave of them is 5.
+    leave of them is 5. In short coupons that are off are named, above, and a prior in `tests/corpus`.
     """
     long, short = strips(1)
     conflict, *_ = found([long, shortened(short, 0.018)], coupons())

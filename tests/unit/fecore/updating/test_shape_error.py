@@ -12,6 +12,7 @@ import pytest
 from fecore.correlation import Pairing
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
+from fecore.updating import elastic_starts
 from fecore.updating.measurement import Recipe
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
@@ -85,6 +86,11 @@ def test_the_whitening_is_a_root_of_the_inverse_covariance() -> None:
     )
     W = errors.whitening[2]
     np.testing.assert_allclose(W.T @ W @ covariance, np.eye(40), atol=1e-9)
+
+
+@pytest.fixture(autouse=True)
+def _few_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(elastic_starts, "_STARTS", 1)
 
 
 @cache
