@@ -135,10 +135,11 @@ def test_a_dummy_material_is_asked_about() -> None:
         imported("a.bdf", deck)
     (answer,) = re.findall(r"accept=(\S+)", str(caught.value))
     assert answer == "density:pbarl_2"
-    for name in (answer, "density:2", "DENSITY:PBARL_2"):
-        assert imported("a.bdf", deck, accept=[name]).frequencies(3)[0] == pytest.approx(
-            15.42, rel=0.015
-        )
+    accepted = [
+        imported("a.bdf", deck, accept=[n]) for n in (answer, "density:2", "DENSITY:PBARL_2")
+    ]
+    assert accepted[0].frequencies(3)[0] == pytest.approx(15.42, rel=0.015)
+    assert accepted[0].document == accepted[1].document == accepted[2].document
     with pytest.raises(Invalid, match="accept: 'density:pshell_1' answers nothing"):
         imported("a.bdf", deck, accept=[answer, "density:pshell_1"])
 

@@ -154,8 +154,9 @@ def lossy_body(noise: float, law_name: str, values: FloatArray) -> Measurement:
 
 def test_loss_factors_come_back_from_frfs_and_win() -> None:
     measurement = lossy_body(0.01, "mechanism", LOSS)
+    identified = replace(measurement, modes=prepare(measurement, COARSE, Recipe()).modes)
     result = update(
-        measurement, COARSE, Recipe(damping_models=("mechanism", "rayleigh", "caughey3", "modal"))
+        identified, COARSE, Recipe(damping_models=("mechanism", "rayleigh", "caughey3", "modal"))
     )
     found = {p.name: p for p in result.parameters}
     for name, unit, value in zip(("a0", "eta_E", "eta_G"), ("1/s", "1", "1"), LOSS, strict=True):
@@ -172,7 +173,6 @@ def test_loss_factors_come_back_from_frfs_and_win() -> None:
     assert held is not None
     assert held.agreement.sac.min() > 0.99
     assert held.coverage_95 > 0.9
-    identified = replace(measurement, modes=prepare(measurement, COARSE, Recipe()).modes)
     rayleigh = update(identified, COARSE, Recipe())
     assert any(
         "rayleigh law is inadequate" in warning and "mechanism" in warning
