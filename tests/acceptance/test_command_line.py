@@ -26,7 +26,6 @@ from tests.support.command import (
     refusals,
     wait_until_gone,
 )
-from tests.support.lengths import long
 from tests.support.rest import posted
 from tests.support.waiting import PATIENCE, until
 
@@ -88,7 +87,8 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
     ]
     assert edited["details"]["decisions"][0]["reason"] == "too high"
     run("modes", "March", "--mode-set", edited["id"], "--keep", f"{hz:.6g}", code=2)
-    (tmp_path / "recipe.json").write_text('{"seed": 7, "damping_models": ["rayleigh"]}')
+    recipe = {"seed": 7, "damping_models": ["rayleigh"], "parameters": [{"name": "Ex"}]}
+    (tmp_path / "recipe.json").write_text(json.dumps(recipe))
     words = ("--recipe", tmp_path / "recipe.json", "--mode-set", "latest", "--wait", "--json")
     document = json.loads(run("update", "latest", *words).stdout)
     assert document["provenance"]["recipe"]["seed"] == 7
@@ -260,17 +260,23 @@ def starting(data: Path) -> tuple[subprocess.Popen[str], psutil.Process]:
     return process, found
 
 
-@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), long(signal.SIGTERM, 0)])
-def test_an_api_that_dies_while_starting_ends_up_at_once_and_so_does_a_signal(
-    short_folder: Path, signal_: signal.Signals, code: int
-) -> None:
-    data = short_folder / f"dies by {code}"
+def test_an_api_that_dies_while_starting_ends_up_at_once(short_folder: Path) -> None:
+    data = short_folder / "dies"
     process, api = starting(data)
     api.kill()
     shown, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, shown) == (1, "")
     assert errors.splitlines()[-1] == "modalbase: the api ended while starting; its log says why"
     wait_until_gone(data)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 0)])
+def test_a_signal_ends_up_while_it_starts(
+    short_folder: Path, signal_: signal.Signals, code: int
+) -> None:
+    """In short a service that runs gets both, in `test_up.py`."""
+    data = short_folder / f"dies by {code}"
     process, api = starting(data)
     api.suspend()  # it stays starting
     process.send_signal(signal_)

@@ -106,8 +106,11 @@ def test_figures_of_hits(another: httpx.Client) -> None:
     check("figures-hits", ok(another.get(f"campaigns/{campaign}/figures/hits")))
 
 
+@pytest.mark.long
 def test_reports(api: httpx.Client, done: dict[str, Any]) -> None:
-    """As a page: paper has the same words of the same template."""
+    """As a page: paper has the same words of the same template. In short `test_figures.py` of
+    `tests/integration` reads one.
+    """
     page = api.get(f"update-jobs/{done['update_job']}/report")
     check("report", {"html": answered(page, page_lines(page.text))})
 
