@@ -160,11 +160,8 @@ def of_another_beam(boundary: Boundary) -> UpdateResult:
     own = dict(zip(sorted(measured().points), places, strict=True))
     known = parametrise(other)
     state = ForwardModel(other, known, along_z(own), np.array(places), 14).solve(known.prior_mean)
-    sensor, hammer, lines = (
-        measured().frfs.responses,
-        measured().frfs.references,
-        measured().frfs.frequency_hz,
-    )
+    half = measured().frfs.select(list(range(0, 33, 2)))
+    sensor, hammer, lines = half.responses, half.references, half.frequency_hz
     model = state.frf_model(sensor, hammer)
     rate = damping_rate(RAYLEIGH, np.array([20.0, 1e-5]), model.omega)
     values = model.synthesise(
@@ -357,7 +354,7 @@ UPDATES: dict[str, Case] = {
     "all turned but one": (lambda: update(faulty(identified(), factor=-1.0, turned=(3,)), BEAM), Updated([
         r"FRF 33Z/4Z \(-(0.99|1.0\d)\) has the opposite sign of the rest's"])),
     "stated as free": (
-        lambda: update(replace(identified(), frfs=identified().frfs.band(2.0, 500.0)), replace(BEAM, boundary="free")),
+        lambda: update(low(few(gapped=False), 500.0), replace(BEAM, boundary="free")),
         Updated([".*most FRFs disagree with the model's", ".*measured mode 2.*agrees poorly with its partner"])),
     "another free beam": (lambda: of_another_beam("free"), Updated(
         level="do_not_use", more=partial(because, "no measured mode shape agrees with one of the model"))),

@@ -172,7 +172,7 @@ def test_ply_constants_are_recovered_from_a_simulated_plate() -> None:
 
 @pytest.mark.long
 def test_angles_are_inputs_with_a_stated_deviation() -> None:
-    """In short specimens' fibre angles are, in `tests/golden/data/joint-strips.txt`."""
+    """In short fibre angles of strips are, in `test_campaigns.py`."""
     body = replace(stack(30, -30, -30, 30), divisions=(12, 8))
     modes, points = simulated(body, np.random.default_rng(2), noise=3e-4, modes=9)
     free = (Parameter("E1"), Parameter("E2"), Parameter("G12"))

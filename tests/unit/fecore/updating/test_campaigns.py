@@ -88,11 +88,24 @@ def test_one_rule_says_what_is_shared(campaigns: list[Campaign]) -> None:
     assert ratios == pytest.approx([np.exp(0.01), 1.0, np.exp(0.01)])
 
 
+def test_strips_along_and_across_tell_what_none_tells_alone(two: list[Campaign]) -> None:
+    """Intervals hold the truth, and specimens that scatter and their angles widen them."""
+    together = update_campaigns(two)
+    found = {p.name: p for p in together.parameters}
+    for name in ("Ey", "Gxy"):
+        assert found[name].standard_deviation / found[name].prior_sd < 0.3, name  # type: ignore[operator]
+    held = [p.interval_95[0] <= TRUTH[name] <= p.interval_95[1] for name, p in found.items()]
+    assert sum(held) >= 5
+    assert together.odd_one_out is None
+    sources = {entry.source for p in together.parameters for entry in p.budget}
+    assert {"scatter between specimens", "fibre_angle"} <= sources
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("strips", [2, 3])
 def test_strips_and_a_plate_tell_what_none_tells_alone(strips: int) -> None:
     """What a joint update is for: intervals of the moduli that are less than a third of the
-    priors', and hold the truth; in short of strips, in `tests/golden`.
+    priors', and hold the truth; in short of strips, above.
     """
     campaigns = panel(np.random.default_rng(3))
     together = update_campaigns([*campaigns[:strips], campaigns[3]])
@@ -141,7 +154,7 @@ def test_one_campaign_to_which_all_causes_belong_is_the_odd_one(two: list[Campai
 
 @pytest.mark.long
 def test_scatter_between_specimens_widens(two: list[Campaign]) -> None:
-    """In short it does in `tests/golden/data/joint-strips.txt`."""
+    """In short it is in the budget of strips, above."""
     one_material = update_campaigns(two, CampaignsRecipe(IN_PLANE, scatter=0))
     scattering = update_campaigns(two, CampaignsRecipe(IN_PLANE, scatter=0.05))
     firm, loose = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering))

@@ -55,7 +55,7 @@ def test_what_a_test_will_show_is_foreseen() -> None:
             ), parameter.name
 
 
-@pytest.mark.parametrize("angles", [long((0,)), (0, 90)])
+@pytest.mark.parametrize("angles", [(0,), long((0, 90))])
 def test_what_coupons_will_bring_is_foreseen(angles: tuple[int, ...]) -> None:
     """Beside one strip they are one more piece, beside two one more specimen that scatters: the
     same in plan and update.
