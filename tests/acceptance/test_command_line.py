@@ -26,6 +26,7 @@ from tests.support.command import (
     refusals,
     wait_until_gone,
 )
+from tests.support.lengths import long
 from tests.support.rest import posted
 from tests.support.waiting import PATIENCE, until
 
@@ -270,12 +271,10 @@ def test_an_api_that_dies_while_starting_ends_up_at_once(short_folder: Path) -> 
     wait_until_gone(data)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 0)])
+@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), long(signal.SIGTERM, 0)])
 def test_a_signal_ends_up_while_it_starts(
     short_folder: Path, signal_: signal.Signals, code: int
 ) -> None:
-    """In short a service that runs gets both, in `test_up.py`."""
     data = short_folder / f"dies by {code}"
     process, api = starting(data)
     api.suspend()  # it stays starting
