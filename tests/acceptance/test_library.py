@@ -200,6 +200,13 @@ def test_coupons_records_and_monitors(lab: modalbase.Laboratory, tmp_path: Path)
     assert lab.monitor("ageing") == monitor
     assert monitor.alarms() == []
     assert len(monitor.runs()) == 0
+    for day in (1, 2):
+        campaign = beam.new_campaign(f"day {day}", "free", performed_at=f"2024-01-0{day}T10:00:00Z")
+        campaign.new_mode_set("typed", modes=[{"frequency_hz": 40.0 + day, "damping_ratio": 0.01}])
+    modes = beam.new_monitor("modes", watch="modes", runs_on="hand", baseline={"campaigns": 4})
+    assert len(modes.run()) == 2
+    assert [one["state"] for one in modes.wait().runs()] == ["succeeded"] * 2
+    assert modes.series()["assessed_at"] is not None
 
 
 def test_time_series_of_sep_5_go_in_and_come_back(lab: modalbase.Laboratory) -> None:

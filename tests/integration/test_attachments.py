@@ -9,6 +9,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import httpx
+import numpy as np
 import psycopg
 import pytest
 from PIL import Image
@@ -152,7 +153,9 @@ def test_what_is_beside_a_project_is_its_members_alone(
 def test_an_archive_takes_attachments_along(
     lab: modalbase.Laboratory, campaign: str, tmp_path: Path
 ) -> None:
-    """Those of a project, a structure and a campaign come back, with their names and captions."""
+    """Those of a project, a structure and a campaign come back, with their names and captions; a
+    recording of the campaign too, which is kept as a file as they are.
+    """
     test = lab.campaign(campaign)
     structure = lab.structure(test.structure_id)
     project = lab.project(structure.project_id)
@@ -160,6 +163,10 @@ def test_an_archive_takes_attachments_along(
     file.write_bytes(photo())
     for thing in (project, structure, test):
         thing.attach(file, caption=thing.noun.word)
+    np.savez(tmp_path / "deck.npz", a=np.random.default_rng(1).standard_normal(4096))
+    channel = {"variable": "a", "quantity": "acceleration", "sensitivity": 1, "point": 1}
+    recorded = {"recording": {}, "sample_rate_hz": 256.0, "channels": [{**channel, "direction": 3}]}
+    test.import_file(tmp_path / "deck.npz", mapping=recorded)
     other = lab.new_project("other")
     archive = project.archive(tmp_path / "all.zip")
     done = other.import_archive(archive)
@@ -169,6 +176,8 @@ def test_an_archive_takes_attachments_along(
         (one,) = thing.attachments()
         assert (one.name, one.caption) == ("clamp.jpg", thing.noun.word)
         assert one.save(tmp_path / "back.jpg").read_bytes() == photo()
+    (recording,) = lab.campaign(done.ids[campaign]).recordings()
+    assert recording.fields["samples"] == 4096
     with pytest.raises(ClientError, match="has what is in this archive"):
         other.import_archive(archive)
 
