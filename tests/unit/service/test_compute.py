@@ -340,7 +340,7 @@ def _peak_bytes(inputs: ProcessingInputs) -> int:
 
 
 def test_memory_does_not_grow_with_the_frfs_that_a_processing_makes(tmp_path: Path) -> None:
-    few, many = 3, 9
+    few, many = 5, 15
     _peak_bytes(_places(tmp_path / "first", 1))  # what it imports is no part of it
     growth = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(
         _places(tmp_path / "few", few)
