@@ -7,13 +7,16 @@ from typing import Any
 
 import httpx
 import numpy as np
+import psycopg
 import pytest
+from psycopg.types.json import Jsonb
 
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from modalbase.formats.decks import Deck, write_shells
 from service.app.supervisor import LocalService
 from service.pages.example import paper
+from service.platform.db.engine import psycopg_url
 from tests.support.calculix import ccx, frequencies
 from tests.support.command import modalbase_here
 from tests.support.plates import solve
@@ -74,6 +77,17 @@ def test_the_cards_say_where_they_are_from(
     modalbase_here("cards", job["id"], "--out", "beam.bdf", cwd=tmp_path, code=0, **around)
     assert (tmp_path / "beam.bdf").read_text() == nastran
     assert "C3D20R" in ok_text(api, f"update-jobs/{job['id']}/cards?element=solid")
+    spring = {"name": "tip", "stiffness": 2000.0, "direction": 3, "edge": "end"}
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        connection.execute(
+            "UPDATE update_jobs SET recipe = recipe || %s WHERE id = %s",
+            [Jsonb({"springs": [spring]}), job["id"]],
+        )
+    problem = api.get(f"update-jobs/{job['id']}/cards")
+    assert (problem.status_code, "elastic supports (tip)" in problem.json()["detail"]) == (
+        409,
+        True,
+    )
 
 
 @pytest.mark.long

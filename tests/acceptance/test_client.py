@@ -255,8 +255,10 @@ def test_modes_and_grid_points_are_exported(
         "modes": [{"frequency_hz": 12.5, "damping_ratio": 0.01, "shape": shape}],
     }
     modes = api.post(f"campaigns/{campaign}/mode-sets", json=body).raise_for_status().json()["id"]
-    run("export", modes, "--what", "modes", "--out", tmp_path / "modes.unv")
-    contents = list(read_file(tmp_path / "modes.unv"))
+    file = tmp_path / "modes.unv"
+    shown = json.loads(run("export", modes, "--what", "modes", "--out", file, "--json").stdout)
+    assert shown == {"file": str(file), "bytes": file.stat().st_size}
+    contents = list(read_file(file))
     assert [c.frequency_hz for c in contents if isinstance(c, ModeShape)] == [12.5]
     assert all(c.outcome == "read" for c in contents if isinstance(c, DatasetReport))
     written = run(

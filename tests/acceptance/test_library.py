@@ -311,7 +311,7 @@ def test_where_the_service_and_its_key_are_looked_for(
 def the_service_that_runs_here(folder: Path) -> None:
     """`modalbase up` notes where it is; its data folder has the key that it made."""
     from modalbase.client.endpoint import KEY_FILE, notes_folder
-    from service.app.running import announced
+    from service.app.running import announced, running_services
 
     data = folder / "data"
     data.mkdir()
@@ -325,6 +325,9 @@ def the_service_that_runs_here(folder: Path) -> None:
         )
         with pytest.raises(modalbase.ClientError, match="2 services run here"):
             find_endpoint()
+        # the service's own commands clear the note that names no process of its own away
+        assert [one.url for one in running_services()] == ["http://127.0.0.1:4711"]
+        assert not (notes_folder() / "1.json").exists()
 
 
 @pytest.mark.parametrize("planned", [False, long(True)])

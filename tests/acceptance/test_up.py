@@ -9,7 +9,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -20,6 +20,8 @@ import psutil
 import psycopg
 import pytest
 
+from service.app import supervisor
+from service.app.cli.running import up as up_here
 from service.app.running import announced
 from service.app.supervisor import Component, LocalService, RestartLimitError, StartError
 from service.platform.db import schema
@@ -175,7 +177,7 @@ def the_parts_die(command: psutil.Process, data: Path, log: Path, url: str, key:
     assert seen <= {200, 503}
 
 
-def test_what_dies_again_and_again_is_given_up() -> None:
+def test_what_dies_again_and_again_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """With one clear line; before that it is started again after each pause."""
     starts: list[str] = []
     part = Component("a part", lambda: starts.append("again"), lambda: "ended", (0.0, 0.0))
@@ -184,12 +186,39 @@ def test_what_dies_again_and_again_is_given_up() -> None:
     with pytest.raises(RestartLimitError, match="a part ended, 3 times in a row"):
         part.tend()
     assert starts == ["again", "again"]
+    monkeypatch.setattr(supervisor, "STEADY_SECONDS", -1.0)
+    steady = Component("a part", lambda: None, lambda: "ended", (0.0,))  # whose ends are far apart
+    ends = ["a part ended; it is started again in 0 s", "a part runs again"]
+    assert [steady.tend() for _ in range(6)] == 3 * ends
     service = LocalService(Settings())
     service._parts.append(Component("the api", lambda: None, lambda: "was killed", ()))
     with pytest.raises(
         StartError, match=r"the api was killed, 1 times in a row; it is not started again"
     ):
         service.tend()
+
+
+def test_a_service_with_keys_makes_none(
+    service: LocalService,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What `modalbase up` prints of it, and that it ends with a part that is given up."""
+
+    def given_up() -> list[str]:
+        raise StartError("the api ended")
+
+    service.new_key("before")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setattr(supervisor, "LocalService", lambda _: nullcontext(service))
+    monkeypatch.setattr(service, "tend", given_up)
+    with pytest.raises(StartError):
+        up_here()
+    shown = capsys.readouterr().out
+    assert "those made before still work; one more: modalbase keys create" in shown
+    assert "mb_" not in shown
 
 
 def test_a_start_without_its_database_is_reported_once(short_folder: Path) -> None:

@@ -16,6 +16,7 @@ from service.app.supervisor import LocalService
 from tests.support.command import COMMAND, environment, modalbase_here
 from tests.support.outage import Proxy
 from tests.support.rest import client_of, ok
+from tests.support.uff import dataset
 from tests.support.waiting import PATIENCE, until
 from tests.support.wind import WIND, wind
 
@@ -170,5 +171,13 @@ def test_files_are_read_as_one_of_another_structure_was(
         (campaign,) = project.structure("new deck").campaigns()
         (read,) = campaign.imports()
         assert (campaign.fields["boundary"], read.fields["mapping"]) == ("free", WIND)
+        # what was read without a mapping is so again
+        points = dataset("15", f"{1:10d}{0:10d}{0:10d}{0:10d}" + 3 * f"{1:13.5e}")
+        (tmp_path / "first.unv").write_bytes(points)
+        (tmp_path / "deck_20260302T1000.unv").write_bytes(points)
+        before.import_file(tmp_path / "first.unv")
+        modalbase_here(*line, like, "--pattern", "deck_*.unv", **env)
+        (read,) = project.structure("new deck").campaigns()[-1].imports()
+        assert (read.fields["mapping"], read.succeeded) == (None, True)
         refused = modalbase_here(*line, "two decks/old deck/June", code=2, **env)
         assert "June" in refused.stderr

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -183,23 +184,25 @@ def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None
     nowhere = make_sessions(engine)
 
     class Unreachable:
-        """Sessions on nothing for two transactions, that of the result and that of the attempt's
-        end; then the real ones.
-        """
+        """Sessions on nothing for so many transactions, then the real ones."""
 
-        def __init__(self) -> None:
-            self.left = [nowhere, nowhere]
+        def __init__(self, count: int) -> None:
+            self.left = count * [nowhere]
 
         def begin(self) -> Any:
             """A transaction, whose first statement fails where there is no database."""
             return (self.left.pop() if self.left else sessions).begin()
 
-    def leave(_: Session) -> None:
-        trial.attempt.sessions = Unreachable()
+    def leave(_: Session, count: int = 2) -> None:  # that of the result and of the attempt's end
+        trial.attempt.sessions = Unreachable(count)
 
     # What was drained is given back by those who see that this worker is gone.
     assert trial.run(DRAINED, load=leave) == ("abandoned", "running")
     assert trial.run(CANCELLED, load=leave) == ("cancelled", "cancelled")
+    # the work goes on without a progress that cannot be written
+    away = partial(leave, count=1)
+    assert trial.run(Progress("half", 0.5), Item(1), load=away) == ("succeeded", "succeeded")
+    assert trial.attempt.sessions.left == []
     engine.dispose()
 
 

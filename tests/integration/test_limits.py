@@ -3,6 +3,7 @@ size.
 """
 
 import asyncio
+import re
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -118,18 +119,18 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
     with ExitStack() as stack:
         api = stack.enter_context(client_of(narrow, "ada"))
         (campaign,) = campaigns_of(api, "p")
-        path = (
-            f"update-jobs/{ok(api.post(f'campaigns/{campaign}/update-jobs', json={}))['id']}/events"
-        )
+        job = f"update-jobs/{ok(api.post(f'campaigns/{campaign}/update-jobs', json={}))['id']}"
+        path = f"{job}/events"
         other = {"Authorization": f"Bearer {ok(api.post('api-keys', json={'name': 'b'}))['key']}"}
 
         reading: list[Iterator[bytes]] = []
+        firsts: list[bytes] = []
 
         def opened(**headers: str) -> httpx.Response:
             answer = stack.enter_context(api.stream("GET", path, headers=headers))
             if answer.is_success:
                 reading.append(answer.iter_bytes())  # to leave it would close the stream
-                next(reading[-1])  # it is counted from its first event
+                firsts.append(next(reading[-1]))  # it is counted from its first event
             return answer
 
         assert [opened().status_code for _ in range(3)] == [200, 200, 429]
@@ -137,6 +138,13 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
         refused = opened()
         assert "2 streams of events of this key" in refused.read().decode()
         assert int(refused.headers["Retry-After"]) >= 1
+    # who comes back to a job that has not changed since is told nothing until it does
+    with client_of(narrow, "ada") as api:
+        (last,) = re.findall(rb"^id: (\d+)", firsts[0], re.MULTILINE)
+        with api.stream("GET", path, headers={"Last-Event-ID": last}) as answer:
+            ok(api.post(f"{job}/cancel"))
+            events = answer.read().decode()
+        assert re.findall('"status": "([a-z]+)"', events) == ["cancelled"]
 
 
 def test_many_clients_and_streams_at_once_get_answers(service: LocalService) -> None:

@@ -16,12 +16,13 @@ import pytest
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import encode
+from service.app.supervisor import LocalService
 from tests.integration.test_bodies import FEW_MODES, updated
 from tests.support.calculix import ccx, frequencies
 from tests.support.lengths import long
 from tests.support.places import ROOT, shared_file
 from tests.support.profiles import ANGLE, TRUTH, deck, measured, points
-from tests.support.rest import finished, ok, posted, result_of
+from tests.support.rest import finished, ok, posted, result_of, session_client
 
 HEAD, CARDS = (
     "SOL 103\nCEND\nBEGIN BULK\n",
@@ -292,7 +293,9 @@ def handed_back(api: httpx.Client, address: str, constants: dict[str, Any]) -> N
     assert model.sections["flange"].materials != model.sections["web"].materials
 
 
-def test_without_joints_a_result_and_its_deck_say_so(api: httpx.Client, bare: str) -> None:
+def test_without_joints_a_result_and_its_deck_say_so(
+    api: httpx.Client, service: LocalService, bare: str
+) -> None:
     sent(api, bare, deck(), units="m-N-kg")
     body = {"name": "typed", "boundary": "as_modelled"}
     campaign = posted(api, f"structures/{bare}/campaigns", body)["id"]
@@ -302,6 +305,10 @@ def test_without_joints_a_result_and_its_deck_say_so(api: httpx.Client, bare: st
     begun = api.post(f"campaigns/{campaign}/update-jobs", json=recipe).headers["Location"]
     assert finished(api, begun)["status"] == "succeeded"
     say_that_joints_lack(api, begun, result_of(api, begun))
+    with session_client(api, base=service.url) as browser:
+        page = browser.get(f"/ui/{begun.removeprefix('/api/v1/')}")
+    assert "Your deck, updated" in page.text
+    assert "/cards?format" not in page.text
 
 
 def say_that_joints_lack(api: httpx.Client, address: str, result: dict[str, Any]) -> bytes:

@@ -468,6 +468,7 @@ def test_the_command_lists_and_writes(
     )
     assert "cold" in listed
     assert "3 of 4" in listed
+    assert "--most" not in run("find", "campaigns", mine)  # all four
     assert json.loads(run("find", "campaigns", mine, "--json"))["count"] == 4
     file = tmp_path / "found.csv"
     run("find", "campaigns", mine, "-q", "086C03", "--out", str(file))

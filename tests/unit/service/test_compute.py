@@ -19,6 +19,7 @@ from starlette.requests import Request
 
 from fecore.body.constants import Parameter
 from fecore.body.laminate import SHEAR_CORRECTION
+from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.signal import Averages, Processing, Windows
@@ -34,7 +35,8 @@ from service.nouns.coupons import routes as bodies
 from service.nouns.records.processings import decisions
 from service.nouns.records.schemas import OverruleIn
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updates.bodies import nominal_specimen, oriented
+from service.nouns.updates.bodies import body_of, nominal_specimen, oriented
+from service.nouns.updates.schemas import RecipeIn
 from service.platform.errors import Damaged, PayloadTooLarge
 from service.platform.queue import process, subprocess_read
 from service.platform.queue.child import Failure, Item
@@ -149,6 +151,27 @@ def test_a_sandwich_turns_as_its_faces_do() -> None:
         assert body.section.inertia[2] == pytest.approx(expected, rel=1e-9)
         q = np.array(list(body.nominal.values()))
         assert np.any(np.isclose(body.mass_coefficients(q), expected, rtol=1e-9, atol=0))
+
+
+def test_the_constants_that_a_recipe_names_decide_whether_a_laminate_is_updated_by_plies() -> None:
+    one_layer = structure([ply(FACE, T), ply(CORE, H), ply(FACE, T)])
+    none = structure([ply(FACE, T), ply(CORE, H + T)])
+    (of_plies, of_layer, open_) = (
+        RecipeIn.model_validate({"parameters": named})
+        for named in ([{"name": "E1"}], [{"name": "Ex"}], None)
+    )
+    kinds = [
+        type(body_of(stated, "free", recipe))
+        for stated, recipe in (
+            (one_layer, of_plies),
+            (one_layer, of_layer),
+            (one_layer, open_),
+            (none, open_),
+        )
+    ]
+    assert kinds == [LayeredSpecimen, Specimen, Specimen, LayeredSpecimen]
+    with pytest.raises(InputError, match="name constants of its plies as parameters: E1, E2"):
+        body_of(none, "free", of_layer)
 
 
 # --- files and forms as the service reads them, in the process itself
