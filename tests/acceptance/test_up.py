@@ -11,6 +11,8 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
+from queue import Queue
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -20,7 +22,7 @@ import psutil
 import psycopg
 import pytest
 
-from service.app import supervisor
+from service.app import serving, supervisor
 from service.app.cli.running import up as up_here
 from service.app.running import announced
 from service.app.supervisor import Component, LocalService, RestartLimitError, StartError
@@ -219,6 +221,28 @@ def test_a_service_with_keys_makes_none(
     shown = capsys.readouterr().out
     assert "those made before still work; one more: modalbase keys create" in shown
     assert "mb_" not in shown
+
+
+def test_a_process_ends_when_the_one_that_started_it_is_gone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its end of the pipe closes; `modalbase up` itself is killed in the long run above."""
+    reads, writes = os.pipe()
+    killed: Queue[tuple[int, int]] = Queue()
+    here = SimpleNamespace(
+        read=lambda _, size: os.read(reads, size),
+        getpid=os.getpid,
+        kill=lambda *whom: killed.put(whom),
+    )
+    monkeypatch.setattr(serving, "os", here)
+    os.write(writes, b"1")  # the database is open
+    serving._follow()
+    assert killed.empty()
+    os.close(writes)
+    assert killed.get(timeout=PATIENCE) == (os.getpid(), signal.SIGTERM)
+    with pytest.raises(SystemExit):  # gone before the database was open
+        serving._follow()
+    os.close(reads)
 
 
 def test_a_start_without_its_database_is_reported_once(short_folder: Path) -> None:

@@ -49,6 +49,13 @@ def test_pages_show_what_is_there(
         f"projects/{project}/instruments", json={"kind": "hammer", "serial": "30517"}
     )
     assert never_calibrated.status_code == 201, never_calibrated.text
+    modes = [{"frequency_hz": 10.0, "frequency_sd_hz": 0.02}, {"frequency_hz": 20.0}]
+    both, less = (
+        ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": name, "modes": some}), 201)[
+            "id"
+        ]
+        for name, some in (("both", modes), ("less", modes[:1]))
+    )
     places = {
         "/ui/": "Recent tests",
         "/ui/trash": "Nothing was deleted",
@@ -64,6 +71,9 @@ def test_pages_show_what_is_there(
         "/ui/monitors": "No monitor yet",
         "/ui/search?noun=structures&for=FRP": "1 structures",
         "/ui/search?noun=results&for=Ex < 30e9 AND tag = 'x'": "Nothing is found",
+        "/ui/search?noun=modes&for=frequency_sd_hz = 0.02": "± 0.020",
+        # the second mode has no partner
+        f"/ui/compare?set={both}&set={less}": "<td>20.000</td><td>–</td>",
         "/ui/keys": "Begins with",
         f"/ui/imports/{points['id']}": "1 grid point",
     }
