@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -184,23 +183,23 @@ def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None
     nowhere = make_sessions(engine)
 
     class Unreachable:
-        """Sessions on nothing for so many transactions, then the real ones."""
+        """Sessions for a transaction each, the last of them first, then the real ones."""
 
-        def __init__(self, count: int) -> None:
-            self.left = count * [nowhere]
+        def __init__(self, left: list[Sessions]) -> None:
+            self.left = left
 
         def begin(self) -> Any:
             """A transaction, whose first statement fails where there is no database."""
             return (self.left.pop() if self.left else sessions).begin()
 
-    def leave(_: Session, count: int = 2) -> None:  # that of the result and of the attempt's end
-        trial.attempt.sessions = Unreachable(count)
+    def leave(*left: Sessions) -> Callable[[Session], None]:
+        return lambda _: setattr(trial.attempt, "sessions", Unreachable([*left]))
 
     # What was drained is given back by those who see that this worker is gone.
-    assert trial.run(DRAINED, load=leave) == ("abandoned", "running")
-    assert trial.run(CANCELLED, load=leave) == ("cancelled", "cancelled")
+    assert trial.run(DRAINED, load=leave(nowhere, nowhere)) == ("abandoned", "running")
+    assert trial.run(CANCELLED, load=leave(nowhere, nowhere)) == ("cancelled", "cancelled")
     # the work goes on without a progress that cannot be written
-    away = partial(leave, count=1)
+    away = leave(nowhere, sessions)  # the result's transaction is begun
     assert trial.run(Progress("half", 0.5), Item(1), load=away) == ("succeeded", "succeeded")
     assert trial.attempt.sessions.left == []
     engine.dispose()

@@ -138,7 +138,7 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
         refused = opened()
         assert "2 streams of events of this key" in refused.read().decode()
         assert int(refused.headers["Retry-After"]) >= 1
-    # who comes back to a job that has not changed since is told nothing until it does
+    # who comes back to a job that has not changed since gets nothing until it does
     with client_of(narrow, "ada") as api:
         (last,) = re.findall(rb"^id: (\d+)", firsts[0], re.MULTILINE)
         with api.stream("GET", path, headers={"Last-Event-ID": last}) as answer:
