@@ -19,7 +19,13 @@ from fecore.modal import set_with_gaps
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import HoldOut, Measurement, Recipe, prepare
+from fecore.updating.measurement import (
+    HoldOut,
+    Measurement,
+    PreparedMeasurement,
+    Recipe,
+    prepare,
+)
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
@@ -257,21 +263,26 @@ def alone_in_the_band(result: UpdateResult) -> None:
         assert mode.predicted_damping == pytest.approx(other.measured_damping, rel=0.01)
 
 
-def of_noise() -> MeasuredModes | None:
-    """The modes of a measurement whose FRFs support none of their own, but one was typed in: it
-    takes its shape from them.
+def of_noise(damping_ratio: float = 0.02) -> PreparedMeasurement:
+    """A measurement whose FRFs support no modes of their own, but one was typed in: it takes its
+    shape from them.
     """
     white = np.random.default_rng(7).standard_normal((2, 4, 360))
     dofs = tuple(Dof(n, 3) for n in range(1, 5))
     noise = FrfSet(np.arange(41.0, 401.0), white[0] + 1j * white[1], dofs, dofs[:1] * 4)
     points = {n: (0.1 * n, 0.0, 0.0) for n in range(1, 5)}
-    given = Measurement(noise, points, MeasuredModes(np.array([100.0]), np.array([0.02])))
-    return prepare(given, BEAM, Recipe()).modes
+    given = Measurement(noise, points, MeasuredModes(np.array([100.0]), np.array([damping_ratio])))
+    return prepare(given, BEAM, Recipe())
 
 
-def shape_of_four(modes: MeasuredModes) -> None:
-    assert modes.frequency_hz.tolist() == [100.0]
-    assert modes.shapes.shape == (1, 4)
+def shape_of_four(found: PreparedMeasurement) -> None:
+    assert found.modes.frequency_hz.tolist() == [100.0]
+    assert found.modes.shapes.shape == (1, 4)
+
+
+def no_shape(found: PreparedMeasurement) -> None:
+    assert found.modes.shapes is None
+    assert "shapes_without_damping" in [note.kind for note in found.notes]
 
 
 def all_held_out() -> object:
@@ -380,6 +391,7 @@ UPDATES: dict[str, Case] = {
     "modes beyond the band": (lambda: update(identified(), BEAM, Recipe(
         band_hz=(100.0, 440.0), damping_models=("rayleigh", "modal"))), Updated(more=alone_in_the_band)),
     "a mode in noise": (of_noise, shape_of_four),
+    "a mode in noise, no ratio": (partial(of_noise, np.nan), no_shape),
     "modes without damping": (lambda: update(typed(hz()), BEAM), Updated(silent=["as large as", "unlike", "likeness"])),
     "a start of negative damping": (lambda: judge(laboratory(219, 4)), at_rest),
     "a singular start": (partial(unresolved, 1, Recipe(damping_models=("caughey3", "rayleigh"))), words_or_numbers),

@@ -2,11 +2,15 @@
 that crosses, spurious modes.
 """
 
+from datetime import timedelta
+
 import numpy as np
 import pytest
 
-from benchmarks.tracks import BASELINE, CHANGE, HZ, first_alarm, make, swaps
+from benchmarks.tracks import BASELINE, CHANGE, HZ, START, first_alarm, make, swaps
 from fecore.trend import mode_series
+from fecore.trend.mode_series import ModesOfRun
+from fecore.trend.tracking import TrackedMode
 
 
 def test_five_modes_are_watched_through_gaps_and_a_crossing() -> None:
@@ -40,3 +44,24 @@ def test_one_percent_of_one_frequency_raises_an_alarm_and_seasons_do_not() -> No
 
 def test_nothing_gives_nothing() -> None:
     assert mode_series([], 4).series == {}
+
+
+@pytest.mark.parametrize(("stated", "notes"), [(0.01, 0), (0.1, 1)])
+def test_overstated_standard_deviations_are_noted_and_none_counts_as_better_known(
+    stated: float, notes: int
+) -> None:
+    """Frequencies scatter by 0.01 Hz; the first is stated to be known ten times better."""
+    hz = 2 + 0.01 * np.random.default_rng(3).standard_normal(12)
+    runs = [
+        ModesOfRun(
+            f"r{n}",
+            START + timedelta(days=n),
+            [TrackedMode(f, frequency_sd_hz=stated / (1 if n else 10))],
+        )
+        for n, f in enumerate(hz)
+    ]
+    made = mode_series(runs, 12)
+    assert len(made.notes) == notes
+    assert all("frequency_1: runs differ by 0." in note for note in made.notes)
+    least = made.series["frequency_1"].standard_deviation[0]
+    assert least == pytest.approx(stated if notes else stated / 10)

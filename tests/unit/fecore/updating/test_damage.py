@@ -6,13 +6,15 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fecore.arrays import FloatArray
 from fecore.updating.contradictions import Conflict, _Sources, compare_sources
-from fecore.updating.damage import lost_stiffness
+from fecore.updating.damage import _Given, lost_stiffness
 from fecore.updating.damage_effects import DamageEffects
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_findings import contradiction
@@ -124,3 +126,16 @@ def test_the_finding_states_the_level_and_the_verdict_follows() -> None:
         r"at 0\.\d\d ± 0\.\d\d of it between x = .* of at most 0\.\d % of sound bodies",
         finding.text,
     )
+
+
+@pytest.mark.parametrize(("places", "ends"), [((3, 2, 2, 1), 2), ((4, 3, 2, 1), 2), ((3, 3, 2), 3)])
+def test_the_likeliest_is_followed_until_it_stays_or_twice(
+    places: tuple[int, ...], ends: int
+) -> None:
+    """Each comparison finds its likeliest stretch at the next place."""
+    compared = [
+        SimpleNamespace(likeliest=place, effects=at, log=at) for at, place in enumerate(places)
+    ]
+    given: Any = SimpleNamespace(near=lambda at, _: compared[at + 1])
+    first: Any = compared[0]
+    assert _Given.followed(given, first).likeliest == ends

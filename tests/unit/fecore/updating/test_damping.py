@@ -1,10 +1,11 @@
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+from fecore.arrays import FloatArray
 from fecore.body.specimen import Specimen
-from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
+from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, damping_rate
 from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.updating import frf_fits
@@ -139,6 +140,24 @@ def test_a_dent_at_the_driving_point_is_not_taken_for_damping(state: ForwardStat
     left = free.without_driving(found.eigenvalue, found.rate).values
     assert np.abs(left - frfs.values)[row].max() < 0.05 * size * frfs.omega[-1] ** 2
     np.testing.assert_array_equal(np.delete(left, row, axis=0), np.delete(dented, row, axis=0))
+
+
+@dataclass(frozen=True)
+class Twice(CaugheySeries):
+    """A law whose first coefficient stands twice."""
+
+    def basis(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
+        return super().basis(omega)[:, [0, 0]]
+
+    def slope(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
+        return super().slope(omega)[:, [0, 0]]
+
+
+def test_coefficients_that_do_the_same_are_not_told_apart(state: ForwardState) -> None:
+    law = Twice("rayleigh", (0, 1))
+    ended = fit_law(misfit(state, measured(state, 0.0)), law, np.array([10.0, 30.0]), FREE)
+    assert isinstance(ended, Unsettled)
+    assert "do not distinguish the coefficients of the rayleigh law" in ended.message
 
 
 @pytest.mark.long

@@ -95,6 +95,19 @@ def test_exchanges_find_a_pair_that_no_greedy_choice_begins_with(
     assert set(best_points(blind, range(4), count)) == chosen
 
 
+def test_a_second_specimen_makes_the_first_one_that_scatters() -> None:
+    """One alone counts as the material; beside another of its kind both scatter, and less is known
+    of what neither determines alone.
+    """
+    made = measured(np.random.default_rng(5), "strip 0", STRIP, 0.0, modes=7)
+    plan = plan_tests([strip(0, "strip 0"), strip(0, "strip 1")], [made])
+    again, other = (
+        next(each.standard_deviations["Ex"] for each in plan.gains if each.name == f"{name}, free")
+        for name in ("strip 0", "strip 1")
+    )
+    assert again < plan.known["Ex"] < other
+
+
 def test_an_added_mass_is_in_the_forecast() -> None:
     plain = strip(0, "s", "cantilever")
     heavy = replace(
