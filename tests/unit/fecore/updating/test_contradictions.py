@@ -77,6 +77,14 @@ def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_som
         r"length of campaign a as [\d.]+ ± [\d.]+ mm instead of 300 ± 0\.5 mm \(20 to 1",
     ):
         assert any(re.search(words, text) for text in said), (words, said)
+    # Nothing explains more than chance: asked, they name what is furthest off; of those beside it
+    # nothing is fitted anew.
+    for _ in range(2):
+        ((cause, allowing),), odds = sources.explanations()
+        assert (cause.p, odds) == (min(check.p for check, _ in sources.checks), None)
+        assert cause.name not in [check.name for check, _ in allowing.checks]
+        assert allowing._candidates is allowing.checks
+        sources = allowing
 
 
 def test_coupons_that_are_off_are_named_and_the_strips_cleared() -> None:
