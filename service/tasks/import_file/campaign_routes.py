@@ -22,6 +22,7 @@ from service.platform.web.uploads import FilenameQuery, UploadDep
 from service.tasks.import_file import task
 from service.tasks.import_file.routes import (
     MAPPING,
+    THERE,
     ImportOut,
     MappingQuery,
     QuantityQuery,
@@ -57,7 +58,10 @@ def _campaign_of(text: str | None) -> CampaignIn:
 
 
 @router.post(
-    "/structures/{structure_id}/imports", status_code=202, openapi_extra=reads(CAMPAIGN_UPLOAD)
+    "/structures/{structure_id}/imports",
+    status_code=202,
+    responses=THERE,
+    openapi_extra=reads(CAMPAIGN_UPLOAD),
 )
 def import_campaign(
     structure_id: UUID,

@@ -152,10 +152,16 @@ MAPPING = (
     '{"channels": [{"variable": "force", "quantity": "force", "unit": "N"}]}',
 )
 MAPPED_UPLOAD = upload("MappedForm", mapping=MAPPING)
+THERE: dict[int | str, dict[str, Any]] = {
+    200: {"model": ImportOut, "description": "These bytes are there already"}
+}
 
 
 @router.post(
-    "/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=reads(MAPPED_UPLOAD)
+    "/campaigns/{campaign_id}/imports",
+    status_code=202,
+    responses=THERE,
+    openapi_extra=reads(MAPPED_UPLOAD),
 )
 def start_import(
     campaign_id: UUID,
