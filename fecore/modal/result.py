@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -81,7 +81,7 @@ class FittedSeries:
         total = float(np.sum(size**2))
         return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
 
-    @property
+    @cached_property
     def noise_ratio(self) -> float:
         """Mean square of the residual over the noise variance that came with the FRFs; where none did,
         χ² over its freedom.

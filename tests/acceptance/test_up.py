@@ -226,7 +226,7 @@ def test_a_service_with_keys_makes_none(
 def test_a_process_ends_when_the_one_that_started_it_is_gone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Its end of the pipe closes; `modalbase up` itself is killed in the long run above."""
+    """Its end of the pipe closes; `modalbase up` itself is killed in `test_command_line.py`."""
     reads, writes = os.pipe()
     killed: Queue[tuple[int, int]] = Queue()
     here = SimpleNamespace(
